@@ -21,8 +21,8 @@ mod _dgpc {
     use crate::border::Error;
     #[pymodule_export]
     use crate::fit::{
-        Fit, Learned, Propagated, effective_sample_size, evidence, fit, gibbs, learn, polya_gamma_draws,
-        polya_gamma_moments, success_probabilities,
+        Fit, Learned, Propagated, Shard, ShardedFit, effective_sample_size, evidence, fit, gibbs, learn,
+        polya_gamma_draws, polya_gamma_moments, success_probabilities,
     };
     #[pymodule_export]
     use crate::posterior::{Concatenation, Posterior, Shift, Sites, Summary};

@@ -95,8 +95,8 @@ def test_learning_improves_the_evidence_and_keeps_fixed_parameters(data) -> None
     assert model.log_marginal_likelihood() > Classifier(kernel, optimizer=None).fit(*data).log_marginal_likelihood()
     fixed = Classifier(ConstantKernel(2.0, "fixed") * RBF(0.7, "fixed")).fit(*data)
     assert fixed.kernel_.k2.length_scale == 0.7
-    with pytest.raises(ValueError, match="not some of them"):
-        Classifier(ConstantKernel(2.0) * RBF() + RBF()).fit(*data)
+    mixed = Classifier(ConstantKernel(2.0) * RBF() + RBF()).fit(*data)
+    assert mixed.kernel_.k2.k1.constant_value == 1.0 and mixed.kernel_.k1.k1.constant_value != 2.0
 
 
 def test_probabilities_are_near_those_of_scikit_learn(data) -> None:
@@ -247,3 +247,11 @@ def test_several_classes_are_combined_by_one_versus_rest() -> None:
     x, y = make_blobs(90, centers=4, random_state=1)
     model = OneVsRestClassifier(Classifier()).fit(x, y)
     assert model.score(x, y) > 0.9 and model.predict_proba(x).shape == (90, 4)
+
+
+def test_single_hyperparameters_are_fixed_or_bounded(data) -> None:
+    kernel = 2.0 * RBF(0.1, "fixed") + 1.0 * Matern([1.0, 1.0], [(0.9, 1.1), (1e-5, 1e5)], nu=2.5)
+    model = Classifier(kernel).fit(*data)
+    assert model.kernel_.k1.k2.length_scale == pytest.approx(0.1)
+    assert 0.9 <= model.kernel_.k2.k2.length_scale[0] <= 1.1
+    assert model.kernel_.k2.k2.length_scale[1] != pytest.approx(1.0, abs=1e-6)

@@ -127,3 +127,20 @@ def test_learning_finds_a_longer_length_scale_and_reports_the_search() -> None:
     assert learned.searched_events == 80 and learned.evaluations > 0 and len(learned.starts) == 2
     fixed = dgpc.learn(template, x, np.abs(x[:, 0]) < 2, hyper_prior={"length_scale": 0.0})
     assert fixed.prior.kernel.terms[0].correlations[0].length_scales[0] == pytest.approx(0.1)
+
+
+def test_learning_keeps_the_bounds_of_single_parameters() -> None:
+    x = np.linspace(-3, 3, 80)[:, None]
+    template = dgpc.Prior(dgpc.Term("matern52", 0.1, variance=4.0, dimension=1), 0.5)
+    bounds = [None, (0.05, 0.2), "fixed"]
+    learned = dgpc.learn(template, x, np.abs(x[:, 0]) < 2, bounds=bounds)
+    length_scale = learned.prior.kernel.terms[0].correlations[0].length_scales[0]
+    assert 0.19 < length_scale <= 0.2 * (1 + 1e-12) and learned.prior.mean == 0.5
+    for bad, text in [
+        ([None], "one per parameter"),
+        ([None, (0.2, 0.1), None], "lower bound"),
+        ([None, (0.2, 0.3), None], "between its bounds"),
+        ([None, "free", None], "must be None, \"fixed\" or a pair"),
+    ]:
+        with pytest.raises(ValueError, match=text):
+            dgpc.learn(template, x, np.abs(x[:, 0]) < 2, bounds=bad)

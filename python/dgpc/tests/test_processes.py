@@ -71,3 +71,39 @@ def test_ctrl_c_stops_sampling_within_a_second(prior: dgpc.Prior) -> None:
     with pytest.raises(KeyboardInterrupt):
         dgpc.gibbs(prior, X, Y, 100_000, seed=1)
     assert time.monotonic() - begin < 1.3
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals differ on Windows")
+@pytest.mark.parametrize("work", ["fit", "learn"])
+def test_ctrl_c_stops_fits_and_learning_within_a_second(prior: dgpc.Prior, work: str) -> None:
+    x, y = np.tile(X, (12, 1)) + np.linspace(0.0, 1e-3, 12 * len(X))[:, None], np.tile(Y, 12)
+    jobs = {
+        "fit": lambda: dgpc.fit(prior, x, y, inducing_points=400, tolerance=0.0),
+        "learn": lambda: dgpc.learn(prior, x[:2400], y[:2400], tolerance=0.0),
+    }
+    timer = threading.Timer(0.5, lambda: os.kill(os.getpid(), signal.SIGINT))
+    timer.start()
+    begin = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        jobs[work]()
+    assert time.monotonic() - begin < 1.5
+
+
+def test_long_work_reports_progress_and_ends_with_its_exceptions(prior: dgpc.Prior) -> None:
+    class Enough(Exception):
+        pass
+
+    seen = []
+
+    def report(progress: dict[str, object]) -> None:
+        seen.append(progress)
+        if len(seen) == 2:
+            raise Enough
+
+    begin = time.monotonic()
+    with pytest.raises(Enough):
+        for _ in range(100):
+            dgpc.learn(prior, np.tile(X, (3, 1)) + np.linspace(0.0, 1e-3, 3 * len(X))[:, None], np.tile(Y, 3),
+                       tolerance=0.0, progress=report)
+    assert time.monotonic() - begin > 2.0
+    assert seen[1]["evaluations"] >= seen[0]["evaluations"] and seen[0]["change"] > 0.0

@@ -240,9 +240,10 @@ class GaussianProcessClassifier(ClassifierMixin, BaseEstimator):
         """Learns the free hyperparameters, and fits the events under the learned prior."""
         if self.optimizer is None or not translation.is_free.any():
             return self._fitted(translation.prior, X, outcomes)
-        generator, starts = check_random_state(self.random_state), [translation.kernel.theta]
+        bounds = translation.kernel.bounds
+        generator = check_random_state(self.random_state)
+        starts = [np.clip(translation.kernel.theta, bounds[:, 0], bounds[:, 1])]
         if self.n_restarts_optimizer > 0:
-            bounds = translation.kernel.bounds
             if not np.isfinite(bounds).all():
                 raise ValueError("n_restarts_optimizer above 0 needs finite bounds of all free hyperparameters")
             starts += [generator.uniform(bounds[:, 0], bounds[:, 1]) for _ in range(self.n_restarts_optimizer)]
@@ -256,10 +257,10 @@ class GaussianProcessClassifier(ClassifierMixin, BaseEstimator):
             count = points if np.ndim(points) == 0 else len(points)
             sparse = {"dense_events_max": count, "inducing_points_max": count}
         learned = _dgpc.learn(
-            translation.prior,
+            translation.prior_at(starts[0]),
             X,
             outcomes,
-            hyper_prior=translation.hyper_prior(),
+            bounds=translation.bounds(),
             further_starts=[translation.prior_at(start) for start in starts[1:]],
             **sparse,
         )

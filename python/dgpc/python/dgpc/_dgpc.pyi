@@ -1,7 +1,7 @@
 """Types of the compiled part. The docstrings are in the module itself."""
 
-from collections.abc import Mapping, Sequence
-from typing import TypeAlias, final
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeAlias, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -219,6 +219,8 @@ class Fit:
     @property
     def change(self) -> float: ...
     @property
+    def stop(self) -> str: ...
+    @property
     def converged(self) -> bool: ...
     @property
     def jitter(self) -> float: ...
@@ -320,6 +322,54 @@ class LocalityRegion:
     @property
     def members(self) -> _Indices: ...
 
+@final
+class Shard:
+    def __new__(
+        cls,
+        prior: Prior,
+        x: ArrayLike,
+        y: ArrayLike,
+        inducing_points: ArrayLike,
+        *,
+        weights: ArrayLike | None = None,
+        covariances_max: int = 7340032,
+    ) -> Shard: ...
+    def contribute(self, request: ArrayLike) -> _Numbers: ...
+    @property
+    def mean(self) -> _Numbers: ...
+    @property
+    def variance(self) -> _Numbers: ...
+    def sites(self) -> Sites: ...
+    def __len__(self) -> int: ...
+
+@final
+class ShardedFit:
+    def __new__(
+        cls,
+        prior: Prior,
+        inducing_points: ArrayLike,
+        *,
+        messages: Sequence[Summary] = ...,
+        tolerance: float = 1e-10,
+        iterations_max: int = 1000,
+    ) -> ShardedFit: ...
+    @property
+    def inducing_points(self) -> _Numbers: ...
+    def request(self) -> _Numbers | None: ...
+    def absorb(self, contributions: Sequence[ArrayLike]) -> None: ...
+    def gradient_request(self) -> _Numbers: ...
+    def gradient(self, contributions: Sequence[ArrayLike]) -> _Numbers: ...
+    def posterior(self) -> Posterior: ...
+    def summary(self) -> Summary: ...
+    @property
+    def evidence(self) -> float: ...
+    @property
+    def iterations(self) -> int: ...
+    @property
+    def change(self) -> float: ...
+    @property
+    def stop(self) -> str | None: ...
+
 def fit(
     prior: Prior,
     x: ArrayLike,
@@ -331,6 +381,7 @@ def fit(
     tolerance: float = 1e-10,
     iterations_max: int = 1000,
     start: ArrayLike | None = None,
+    progress: Callable[[dict[str, Any]], object] | None = None,
 ) -> Fit: ...
 def evidence(
     prior: Prior,
@@ -343,6 +394,7 @@ def evidence(
     tolerance: float = 1e-10,
     iterations_max: int = 1000,
     start: ArrayLike | None = None,
+    progress: Callable[[dict[str, Any]], object] | None = None,
 ) -> tuple[Fit, _Numbers]: ...
 def learn(
     template: Prior,
@@ -352,6 +404,7 @@ def learn(
     weights: ArrayLike | None = None,
     messages: Sequence[Summary] = ...,
     hyper_prior: Mapping[str, float] = ...,
+    bounds: Sequence[tuple[float, float] | str | None] = ...,
     warm_start: Prior | None = None,
     start: ArrayLike | None = None,
     further_starts: Sequence[Prior] = ...,
@@ -363,6 +416,7 @@ def learn(
     iterations_max: int = 60,
     tolerance: float = 1e-7,
     calibrate: bool = True,
+    progress: Callable[[dict[str, Any]], object] | None = None,
 ) -> Learned: ...
 def gibbs(
     prior: Prior,

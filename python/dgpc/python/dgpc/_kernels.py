@@ -62,17 +62,15 @@ class Translation:
         """Returns the entries of the free hyperparameters from a list of all parameters."""
         return np.asarray(parameters[self.order[self.is_free]])
 
-    def hyper_prior(self) -> dict[str, float]:
-        """Returns a standard deviation of 0 for every kind of parameter that is fixed."""
-        kinds = np.array(self.prior.parameters)[self.order]
-        deviations = {}
-        for kind in dict.fromkeys(kinds.tolist()):
-            free = self.is_free[kinds == kind]
-            if not free.any():
-                deviations[kind] = 0.0
-            elif not free.all():
-                raise ValueError(f"either all or no parameters of the kind {kind!r} can be fixed, not some of them")
-        return deviations
+    def bounds(self) -> list[Any]:
+        """Returns the bounds of every parameter of the prior, as `dgpc.learn` expects them."""
+        limits: list[Any] = [None] * self.order.size
+        each: list[Any] = []
+        for parameter in self.kernel.hyperparameters:
+            each += ["fixed"] * parameter.n_elements if parameter.fixed else map(tuple, parameter.bounds.tolist())
+        for place, limit in zip(self.order, each):
+            limits[place] = limit
+        return limits
 
 
 def translate(kernel: Any, dimension: int) -> Translation:

@@ -1,10 +1,15 @@
 //! Long computations: without the interpreter's lock, after a fork, and with Ctrl-C.
 
-use std::sync::{Arc, LazyLock, Mutex};
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Condvar, LazyLock, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
+
+use dgpc::Progress;
 
 use pyo3::exceptions::{PyMemoryError, PyRuntimeError};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -14,6 +19,10 @@ use super::errors::failed;
 
 /// Time between two checks for Ctrl-C.
 const CHECK_AFTER: Duration = Duration::from_millis(50);
+
+/// Time after which progress is reported, and the time between two reports.
+const PROGRESS_AFTER: Duration = Duration::from_secs(2);
+const PROGRESS_EVERY: Duration = Duration::from_millis(500);
 
 /// The process that loaded this module. The threads of rayon's global pool belong to it.
 static LOADED_BY: LazyLock<u32> = LazyLock::new(std::process::id);
@@ -52,6 +61,91 @@ pub fn interruptible(
     py.check_signals()
 }
 
+/// Runs a computation on a thread of its own. Meanwhile the calling thread checks for Ctrl-C, and reports progress.
+///
+/// `compute` receives the callback for its options. After Ctrl-C, or after an exception of `progress`, the computation
+/// ends with its next iteration.
+pub fn watched<T: Send>(
+    py: Python<'_>,
+    progress: Option<&Py<PyAny>>,
+    compute: impl FnOnce(&(dyn Fn(Progress) -> ControlFlow<()> + Sync)) -> dgpc::Result<T> + Send,
+) -> PyResult<T> {
+    let (begin, is_stopped) = (Instant::now(), AtomicBool::new(false));
+    let (latest, slot, is_done) = (Mutex::new(Latest::default()), Mutex::new(None), Condvar::new());
+    let report = |progress| {
+        locked(&latest).record(progress);
+        if is_stopped.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
+    std::thread::scope(|scope| {
+        let handle = scope.spawn(|| {
+            let result = on_live_threads(|| compute(&report));
+            *locked(&slot) = Some(result);
+            is_done.notify_all();
+        });
+        let mut next = begin + PROGRESS_AFTER;
+        loop {
+            let result = py.detach(|| {
+                let waiting = locked(&slot);
+                let waited = is_done.wait_timeout_while(waiting, CHECK_AFTER, |result| result.is_none());
+                waited.unwrap_or_else(|poisoned| poisoned.into_inner()).0.take()
+            });
+            if let Some(result) = result {
+                return result?.map_err(failed);
+            }
+            if handle.is_finished() && locked(&slot).is_none() {
+                return Err(PyRuntimeError::new_err("the computation ended without a result"));
+            }
+            let mut told = py.check_signals();
+            if let (Ok(()), Some(progress), true) = (&told, progress, Instant::now() > next) {
+                next = Instant::now() + PROGRESS_EVERY;
+                told = locked(&latest).clone().report_to(py, progress);
+            }
+            if let Err(error) = told {
+                is_stopped.store(true, Ordering::Relaxed);
+                py.detach(|| drop(handle.join()));
+                return Err(error);
+            }
+        }
+    })
+}
+
+/// The latest progress of a computation.
+#[derive(Clone, Default)]
+struct Latest {
+    iterations: usize,
+    change: Option<f64>,
+    evaluations: usize,
+    objective: Option<f64>,
+}
+
+impl Latest {
+    fn record(&mut self, progress: Progress) {
+        match progress {
+            Progress::Iteration { iterations, change } => (self.iterations, self.change) = (iterations, Some(change)),
+            Progress::Evaluation { objective } => {
+                self.evaluations += 1;
+                self.objective = Some(objective);
+            }
+            _ => {}
+        }
+    }
+
+    /// Calls a callable of Python with the progress as a dictionary.
+    fn report_to(self, py: Python<'_>, callable: &Py<PyAny>) -> PyResult<()> {
+        let content = PyDict::new(py);
+        content.set_item("iterations", self.iterations)?;
+        content.set_item("change", self.change)?;
+        content.set_item("evaluations", self.evaluations)?;
+        content.set_item("objective", self.objective)?;
+        callable.call1(py, (content,)).map(drop)
+    }
+}
+
+/// Locks what a thread shares. A panic of another thread does not end this one.
+pub fn locked<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
+    shared.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+}
+
 /// Runs `compute` where threads exist. A forked process does not have the threads of its parent, and would wait for
 /// them for ever, so it gets a pool of its own.
 fn on_live_threads<T: Send>(compute: impl FnOnce() -> T + Send) -> PyResult<T> {
@@ -60,7 +154,7 @@ fn on_live_threads<T: Send>(compute: impl FnOnce() -> T + Send) -> PyResult<T> {
         return Ok(compute());
     }
     let pool = {
-        let mut known = AFTER_FORK.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let mut known = locked(&AFTER_FORK);
         match &*known {
             Some((of, pool)) if *of == process => pool.clone(),
             _ => {

@@ -18,6 +18,15 @@ impl Fit {
     }
 }
 
+/// Returns the name of a reason why a fit ended.
+pub fn stop_name(stop: dgpc::FitStop) -> &'static str {
+    match stop {
+        dgpc::FitStop::Converged => "converged",
+        dgpc::FitStop::Stagnated => "stagnated",
+        _ => "iterations_max",
+    }
+}
+
 #[pymethods]
 impl Fit {
     /// The prior of the fit.
@@ -96,6 +105,13 @@ impl Fit {
     #[getter]
     fn change(&self) -> f64 {
         self.0.change()
+    }
+
+    /// The reason why the iteration ended: `"converged"`, `"stagnated"` at the precision of rounding, or
+    /// `"iterations_max"`.
+    #[getter]
+    fn stop(&self) -> &'static str {
+        stop_name(self.0.stop())
     }
 
     /// Whether the change reached the tolerance.

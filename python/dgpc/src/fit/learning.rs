@@ -6,7 +6,7 @@ use dgpc::{Calibration, Stop};
 use pyo3::prelude::*;
 
 use super::fitted::Fit;
-use super::options::{LearnArguments, with_learn_options};
+use super::options::{LearnArguments, Limits, with_learn_options};
 use crate::border::{Count, Numbers, Outcomes, Points};
 use crate::posterior::{Summary, observations};
 use crate::prior::Prior;
@@ -87,6 +87,9 @@ impl Learned {
 /// hyper_prior : dict, optional
 ///     Standard deviations of the parameters about the template, by kind: `length_scale`, `variance`, `reciprocity`,
 ///     `shape`, `intercept` and `slope`. Those that are missing have their default. 0 fixes all parameters of a kind.
+/// bounds : sequence, optional
+///     For each of `Prior.parameter_values`: `None`, `"fixed"`, or the smallest and the largest value of the parameter
+///     itself, not of its logarithm. The template must keep the bounds.
 /// warm_start : Prior, optional
 ///     The only start apart from `further_starts`: `Learned.optimum` of an earlier search.
 /// start : array of shape (N,), optional
@@ -103,6 +106,8 @@ impl Learned {
 ///     A search ends when a step gains less than this, in nats an event.
 /// calibrate : bool, optional
 ///     Whether all variances are finally multiplied by the factor that maximises the corrected evidence.
+/// progress : callable, optional
+///     Receives a dictionary with the progress about twice a second, from two seconds on.
 ///
 /// Returns
 /// -------
@@ -117,14 +122,14 @@ impl Learned {
 ///     >>> learned.prior.kernel.terms[0].correlations[0].length_scales[0] > 0.3
 ///     True
 #[pyfunction]
-#[pyo3(signature = (template, x, y, *, weights=None, messages=vec![], hyper_prior=HashMap::new(), warm_start=None,
-                    start=None, further_starts=vec![], start_events_max=Count(150), race_events_max=Count(500),
+#[pyo3(signature = (template, x, y, *, weights=None, messages=vec![], hyper_prior=HashMap::new(), bounds=vec![],
+                    warm_start=None, start=None, further_starts=vec![], start_events_max=Count(150), race_events_max=Count(500),
                     search_events_max=Count(4000), dense_events_max=Count(1200), inducing_points_max=Count(256),
-                    iterations_max=Count(60), tolerance=1e-7, calibrate=true),
-       text_signature = "(template, x, y, *, weights=None, messages=(), hyper_prior={}, warm_start=None, start=None, \
+                    iterations_max=Count(60), tolerance=1e-7, calibrate=true, progress=None),
+       text_signature = "(template, x, y, *, weights=None, messages=(), hyper_prior={}, bounds=(), warm_start=None, start=None, \
                          further_starts=(), start_events_max=150, race_events_max=500, search_events_max=4000, \
                          dense_events_max=1200, inducing_points_max=256, iterations_max=60, tolerance=1e-7, \
-                         calibrate=True)")]
+                         calibrate=True, progress=None)")]
 #[expect(clippy::too_many_arguments)]
 pub fn learn(
     py: Python<'_>,
@@ -134,6 +139,7 @@ pub fn learn(
     weights: Option<Numbers>,
     messages: Vec<Py<Summary>>,
     hyper_prior: HashMap<String, f64>,
+    bounds: Vec<Limits>,
     warm_start: Option<Py<Prior>>,
     start: Option<Numbers>,
     further_starts: Vec<Py<Prior>>,
@@ -145,11 +151,13 @@ pub fn learn(
     iterations_max: Count,
     tolerance: f64,
     calibrate: bool,
+    progress: Option<Py<PyAny>>,
 ) -> PyResult<Learned> {
     let events = observations(x, y, weights)?;
     let arguments = LearnArguments {
         messages,
         hyper_prior,
+        bounds,
         warm_start,
         start,
         further_starts,
@@ -161,6 +169,7 @@ pub fn learn(
         iterations_max,
         tolerance,
         calibrate,
+        progress,
     };
     let learned = with_learn_options(py, &events, arguments, |options| dgpc::learn(&template.0, &events, options))?;
     Learned::new(py, learned)

@@ -32,6 +32,8 @@ use crate::prior::Prior;
 ///     The fit stops after this number of iterations even without convergence.
 /// start : array of shape (N,), optional
 ///     Tilts to start from, such as `Fit.tilts` of a fit under a similar prior.
+/// progress : callable, optional
+///     Receives a dictionary with the progress about twice a second, from two seconds on.
 ///
 /// Returns
 /// -------
@@ -55,9 +57,9 @@ use crate::prior::Prior;
 ///     array([0.75, 0.25])
 #[pyfunction]
 #[pyo3(signature = (prior, x, y, *, weights=None, inducing_points=None, messages=vec![], tolerance=1e-10,
-                    iterations_max=Count(1000), start=None),
+                    iterations_max=Count(1000), start=None, progress=None),
        text_signature = "(prior, x, y, *, weights=None, inducing_points=None, messages=(), tolerance=1e-10, \
-                         iterations_max=1000, start=None)")]
+                         iterations_max=1000, start=None, progress=None)")]
 #[expect(clippy::too_many_arguments)]
 pub fn fit(
     py: Python<'_>,
@@ -70,9 +72,10 @@ pub fn fit(
     tolerance: f64,
     iterations_max: Count,
     start: Option<Numbers>,
+    progress: Option<Py<PyAny>>,
 ) -> PyResult<Fit> {
     let (prior, events) = (&prior.0, observations(x, y, weights)?);
-    let arguments = FitArguments { inducing_points, messages, tolerance, iterations_max, start };
+    let arguments = FitArguments { inducing_points, messages, tolerance, iterations_max, start, progress };
     with_fit_options(py, prior, &events, arguments, |options| dgpc::fit(prior, &events, options)).map(Fit)
 }
 
@@ -96,9 +99,9 @@ pub fn fit(
 ///     (2,)
 #[pyfunction]
 #[pyo3(signature = (prior, x, y, *, weights=None, inducing_points=None, messages=vec![], tolerance=1e-10,
-                    iterations_max=Count(1000), start=None),
+                    iterations_max=Count(1000), start=None, progress=None),
        text_signature = "(prior, x, y, *, weights=None, inducing_points=None, messages=(), tolerance=1e-10, \
-                         iterations_max=1000, start=None)")]
+                         iterations_max=1000, start=None, progress=None)")]
 #[expect(clippy::too_many_arguments)]
 pub fn evidence<'py>(
     py: Python<'py>,
@@ -111,9 +114,10 @@ pub fn evidence<'py>(
     tolerance: f64,
     iterations_max: Count,
     start: Option<Numbers>,
+    progress: Option<Py<PyAny>>,
 ) -> PyResult<(Fit, Vector<'py>)> {
     let (prior, events) = (&prior.0, observations(x, y, weights)?);
-    let arguments = FitArguments { inducing_points, messages, tolerance, iterations_max, start };
+    let arguments = FitArguments { inducing_points, messages, tolerance, iterations_max, start, progress };
     let found = with_fit_options(py, prior, &events, arguments, |options| dgpc::evidence(prior, &events, options))?;
     Ok((Fit(found.fit), vector(py, found.gradient)))
 }

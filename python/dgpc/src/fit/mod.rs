@@ -5,6 +5,7 @@ mod fitted;
 mod mean_field;
 mod learning;
 mod sampling;
+mod sharding;
 mod polya_gamma;
 
 pub use fitted::{Fit, Propagated};
@@ -12,3 +13,4 @@ pub use learning::{Learned, learn};
 pub use mean_field::{evidence, fit};
 pub use polya_gamma::{polya_gamma_draws, polya_gamma_moments, success_probabilities};
 pub use sampling::{effective_sample_size, gibbs};
+pub use sharding::{Shard, ShardedFit};

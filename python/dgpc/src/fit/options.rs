@@ -1,12 +1,12 @@
-//! Options of fits and of learning. Monitors for Ctrl-C and progress belong here.
+//! Options of fits and of learning, with the callback for Ctrl-C and progress.
 
 use std::collections::HashMap;
 
-use dgpc::{FitOptions, HyperPrior, LearnOptions, Observations};
+use dgpc::{Bounds, FitOptions, HyperPrior, LearnOptions, Observations};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use crate::border::{Count, Numbers, Points, check_memory, work};
+use crate::border::{Count, Numbers, Points, check_memory, watched, work};
 use crate::posterior::{Summary, references};
 use crate::prior::Prior;
 use crate::selection::greedy;
@@ -32,6 +32,7 @@ pub struct FitArguments {
     pub tolerance: f64,
     pub iterations_max: Count,
     pub start: Option<Numbers>,
+    pub progress: Option<Py<PyAny>>,
 }
 
 /// Runs `compute` with the options of a fit, without the interpreter's lock.
@@ -57,9 +58,10 @@ pub fn with_fit_options<T: Send>(
     };
     let messages = references(&arguments.messages);
     check_memory_of_fit(observations, &messages, points.as_ref().map(dgpc::Inputs::len))?;
-    work(py, || {
+    watched(py, arguments.progress.as_ref(), |monitor| {
         let mut options = FitOptions::default()
             .messages(&messages)
+            .monitor(monitor)
             .tolerance(arguments.tolerance)
             .iterations_max(arguments.iterations_max.0);
         options.inducing_points = points.as_ref();
@@ -83,6 +85,7 @@ fn check_memory_of_fit(
 pub struct LearnArguments {
     pub messages: Vec<Py<Summary>>,
     pub hyper_prior: HashMap<String, f64>,
+    pub bounds: Vec<Limits>,
     pub warm_start: Option<Py<Prior>>,
     pub start: Option<Numbers>,
     pub further_starts: Vec<Py<Prior>>,
@@ -94,6 +97,30 @@ pub struct LearnArguments {
     pub iterations_max: Count,
     pub tolerance: f64,
     pub calibrate: bool,
+    pub progress: Option<Py<PyAny>>,
+}
+
+/// Bounds of one parameter: `None`, "fixed", or a pair of values.
+pub struct Limits(Bounds);
+
+impl<'py> FromPyObject<'_, 'py> for Limits {
+    type Error = PyErr;
+
+    fn extract(object: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        if object.is_none() {
+            return Ok(Self(Bounds::Free));
+        }
+        if object.extract::<String>().is_ok_and(|text| text == "fixed") {
+            return Ok(Self(Bounds::Fixed));
+        }
+        match object.extract::<(f64, f64)>() {
+            Ok((lower, upper)) => Ok(Self(Bounds::Between { lower, upper })),
+            Err(_) => Err(PyValueError::new_err(format!(
+                "bounds of a parameter must be None, \"fixed\" or a pair of numbers, found {}",
+                object.repr()?
+            ))),
+        }
+    }
 }
 
 /// Runs `compute` with the options of learning, without the interpreter's lock.
@@ -109,9 +136,12 @@ pub fn with_learn_options<T: Send>(
     let is_sparse = observations.len() > arguments.dense_events_max.0;
     let points = is_sparse.then_some(arguments.inducing_points_max.0.min(observations.len()));
     check_memory_of_fit(observations, &messages, points)?;
-    work(py, || {
+    let bounds: Vec<Bounds> = arguments.bounds.iter().map(|limits| limits.0).collect();
+    watched(py, arguments.progress.as_ref(), |monitor| {
         let mut options = LearnOptions::default()
             .messages(&messages)
+            .monitor(monitor)
+            .bounds(&bounds)
             .hyper_prior(hyper_prior)
             .further_starts(&further)
             .start_events_max(arguments.start_events_max.0)

@@ -1,0 +1,93 @@
+"""Workers of Ray for `dgpc.sharded`.
+
+Ray starts with ``ray.init``. Ray 2.60 writes a token into the home directory. A worker reserves one processor for as
+long as it exists: other tasks of the cluster wait if workers reserve all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from types import TracebackType
+from typing import Any
+
+try:
+    import ray
+except ModuleNotFoundError as error:
+    raise ImportError("dgpc.ray needs Ray 2.60 or later: pip install 'dgpc[ray]'") from error
+
+__all__ = ["Workers"]
+
+
+class Workers:
+    """Worker processes of a Ray cluster, with the interface of ``map``.
+
+    Item n of a sequence always goes to worker n modulo `count`, so that a worker keeps its shards between rounds. If a
+    worker dies, Ray starts it again and repeats its task.
+
+    Parameters
+    ----------
+    count : int
+        Number of worker processes.
+    cpus : float
+        Processors that each worker reserves.
+
+    Examples
+    --------
+        >>> import ray  # doctest: +SKIP
+        >>> ray.init(num_cpus=2)  # doctest: +SKIP
+        >>> with Workers(2) as workers:  # doctest: +SKIP
+        ...     found = dgpc.sharded.fit(prior, paths, points, map=workers.map)
+    """
+
+    def __init__(self, count: int, *, cpus: float = 1.0) -> None:
+        if count < 1:
+            raise ValueError(f"the number of workers must be at least 1, found {count}")
+        # One thread for each worker: several workers of one machine would otherwise compete for its processors.
+        environment = {"env_vars": {"RAYON_NUM_THREADS": "1"}}
+        start = _Worker.options(  # type: ignore[attr-defined]
+            num_cpus=cpus, max_restarts=-1, max_task_retries=-1, runtime_env=environment
+        )
+        self.actors: list[Any] = [start.remote() for _ in range(count)]
+
+    def map(self, function: Callable[..., Any], *sequences: Sequence[Any]) -> list[Any]:
+        """Applies a function to the items of sequences, and returns the results in order."""
+        # What all items share is sent to the cluster once.
+        shared = [ray.put(sequence[0]) if _is_constant(sequence) else None for sequence in sequences]
+        calls = []
+        for number, items in enumerate(zip(*sequences)):
+            arguments = [item if put is None else put for item, put in zip(items, shared)]
+            calls.append(self.actors[number % len(self.actors)].run.remote(function, *arguments))
+        try:
+            return list(ray.get(calls))
+        except ray.exceptions.RayTaskError as error:
+            raise error.cause from error
+
+    def close(self) -> None:
+        """Ends the worker processes."""
+        for actor in self.actors:
+            ray.kill(actor)
+        self.actors = []
+
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def _is_constant(sequence: Sequence[Any]) -> bool:
+    return len(sequence) > 1 and all(item is sequence[0] for item in sequence)
+
+
+@ray.remote
+class _Worker:
+    def run(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        return function(*arguments)
+
+    def process(self) -> int:
+        """Returns the identifier of the worker process."""
+        import os
+
+        return os.getpid()

@@ -1,0 +1,148 @@
+"""Fits of events in shards: equality with the fit of all events, lost workers, and bad files."""
+
+import os
+import signal
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
+
+import numpy as np
+import pytest
+
+import dgpc
+from dgpc import sharded
+
+
+def wave(count, seed=1):
+    generator = np.random.default_rng(seed)
+    x = generator.uniform(0.0, 1.0, (count, 2))
+    y = generator.uniform(size=count) < 0.5 + 0.4 * np.sin(7.0 * x[:, 0] + 3.0 * x[:, 1])
+    return x, y.astype(int)
+
+
+PRIOR = dgpc.Prior(dgpc.Term("matern52", 0.3, variance=3.0, dimension=2), mean=0.4)
+X, Y = wave(600)
+POINTS = X[::40]
+PLACES = np.array([[0.2, 0.3], [0.7, 0.6], [3.0, 3.0]])
+
+
+def bits(found):
+    mean, variance = found.posterior.latent(PLACES)
+    return [found.evidence, found.iterations, *mean, *variance, *found.gradient]
+
+
+@pytest.fixture
+def paths(tmp_path):
+    return sharded.write_shards(tmp_path, X, Y, shards=4)
+
+
+def test_a_fit_of_shards_equals_the_fit_of_all_events(paths):
+    whole, gradient = dgpc.evidence(PRIOR, X, Y, inducing_points=POINTS)
+    found = sharded.fit(PRIOR, paths, POINTS)
+    mean, variance = found.posterior.latent(PLACES)
+    expected_mean, expected_variance = whole.posterior().latent(PLACES)
+    np.testing.assert_allclose(mean, expected_mean, atol=1e-6)
+    np.testing.assert_allclose(variance, expected_variance, atol=1e-6)
+    np.testing.assert_allclose(found.gradient, gradient, atol=1e-6)
+    assert found.evidence == pytest.approx(whole.evidence, abs=1e-8)
+
+
+def test_weighted_shards_equal_the_weighted_fit(tmp_path):
+    weights = np.arange(len(Y)) % 3 + 0.5
+    paths = sharded.write_shards(tmp_path, X, Y, shards=3, weights=weights)
+    found = sharded.fit(PRIOR, paths, POINTS, weighted=True)
+    assert found.evidence == pytest.approx(dgpc.fit(PRIOR, X, Y, weights=weights, inducing_points=POINTS).evidence)
+    with pytest.raises(ValueError, match="shard-0000.npy: expected 3 columns"):
+        sharded.fit(PRIOR, paths, POINTS)
+
+
+def test_every_map_gives_the_same_bits(paths):
+    expected = bits(sharded.fit(PRIOR, paths, POINTS))
+    assert bits(sharded.fit(PRIOR, paths, POINTS, keep=1)) == expected
+    with ThreadPoolExecutor(3) as threads:
+        assert bits(sharded.fit(PRIOR, paths, POINTS, map=threads.map)) == expected
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as processes:
+        assert bits(sharded.fit(PRIOR, paths, POINTS, map=processes.map)) == expected
+
+
+def test_a_new_worker_in_every_round_changes_no_bit(paths):
+    def forgetful(function, *sequences):
+        sharded._kept.clear()
+        return list(map(function, *sequences))
+
+    assert bits(sharded.fit(PRIOR, paths, POINTS, map=forgetful)) == bits(sharded.fit(PRIOR, paths, POINTS))
+
+
+def test_a_changed_file_is_read_again(tmp_path, paths):
+    before = sharded.fit(PRIOR, paths, POINTS).evidence
+    table = np.load(paths[0])
+    table[:, 2] = 1.0 - table[:, 2]
+    np.save(paths[0], table)
+    os.utime(paths[0], ns=(1, 1))
+    assert sharded.fit(PRIOR, paths, POINTS).evidence != before
+
+
+def test_progress_is_reported_after_every_round(paths):
+    seen = []
+    found = sharded.fit(PRIOR, paths, POINTS, progress=lambda *progress: seen.append(progress))
+    assert seen[-1] == (found.iterations, found.change)
+
+
+def test_bad_shards_are_refused_by_name(tmp_path, paths):
+    def refused(shards, text):
+        with pytest.raises(ValueError, match=text):
+            sharded.fit(PRIOR, shards, POINTS)
+
+    refused([], "at least one shard")
+    refused([*paths, paths[0]], "shard-0000.npy: the shard is named twice")
+    refused([*paths, tmp_path / "missing.npy"], "missing.npy: .*No such file")
+    bad = tmp_path / "bad.npy"
+    for table, text in [
+        (np.zeros((3, 2)), "expected 3 columns"),
+        (np.zeros(3), "expected 3 columns"),
+        (np.full((2, 3), np.nan), "bad.npy: .*finite"),
+        (np.full((2, 3), 0.5), "bad.npy: .*outcomes must be 0 or 1"),
+        (np.array([["a", "b", "c"]]), "bad.npy: .*real numbers"),
+    ]:
+        np.save(bad, table)
+        refused([*paths, bad], text)
+    bad.write_bytes(paths[0].read_bytes()[:200])
+    refused([*paths, bad], "bad.npy")
+    bad.write_bytes(b"no array")
+    refused([*paths, bad], "bad.npy")
+    with pytest.raises(ValueError, match="shards must be at least 1"):
+        sharded.write_shards(tmp_path / "none", X, Y, shards=0)
+    with pytest.raises(FileExistsError):
+        sharded.write_shards(tmp_path, X, Y, shards=2)
+
+
+def test_an_empty_shard_changes_nothing(tmp_path, paths):
+    empty = tmp_path / "empty.npy"
+    np.save(empty, np.zeros((0, 3)))
+    with_empty = sharded.fit(PRIOR, [*paths, empty], POINTS)
+    assert with_empty.evidence == pytest.approx(sharded.fit(PRIOR, paths, POINTS).evidence, abs=1e-9)
+
+
+def test_a_map_that_loses_results_is_refused(paths):
+    with pytest.raises(ValueError, match="map returned 3 contributions of 4 shards"):
+        sharded.fit(PRIOR, paths, POINTS, map=lambda function, *sequences: list(map(function, *sequences))[:3])
+
+
+def test_ray_gives_the_same_bits_even_if_a_worker_is_killed(paths):
+    ray = pytest.importorskip("ray", reason="Ray is not installed")
+    from dgpc.ray import Workers
+
+    ray.init(num_cpus=2, object_store_memory=200_000_000, include_dashboard=False, log_to_driver=False)
+    try:
+        with Workers(2) as workers:
+            expected = bits(sharded.fit(PRIOR, paths, POINTS))
+            assert bits(sharded.fit(PRIOR, paths, POINTS, map=workers.map)) == expected
+
+            def kill(iterations, change):
+                if iterations == 3:
+                    os.kill(ray.get(workers.actors[0].process.remote()), signal.SIGKILL)
+
+            assert bits(sharded.fit(PRIOR, paths, POINTS, map=workers.map, progress=kill)) == expected
+            with pytest.raises(ValueError, match="missing.npy"):
+                sharded.fit(PRIOR, [*paths, "missing.npy"], POINTS, map=workers.map)
+    finally:
+        ray.shutdown()
