@@ -51,7 +51,7 @@ class Workers:
 
     def map(self, function: Callable[..., Any], *sequences: Sequence[Any]) -> list[Any]:
         """Applies a function to the items of sequences, and returns the results in order."""
-        # What all items share is sent to the cluster once.
+        # An argument that all items share is sent to the cluster once.
         shared = [ray.put(sequence[0]) if _is_constant(sequence) else None for sequence in sequences]
         calls = []
         for number, items in enumerate(zip(*sequences)):
