@@ -13,7 +13,7 @@ pub enum Progress {
     Iteration {
         /// Number of iterations so far.
         iterations: usize,
-        /// Largest change of a tilt in this iteration.
+        /// Largest change of a tilt in this iteration, or of an ω or a κ in expectation propagation.
         change: f64,
     },
     /// A search evaluated the evidence bound and its gradient.

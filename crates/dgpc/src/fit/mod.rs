@@ -38,6 +38,7 @@ use crate::error::Result;
 use crate::inputs::Inputs;
 use crate::latent::{Latent, success_probability};
 use crate::likelihood::Likelihood;
+use crate::monitor::Monitor;
 use crate::observations::Observations;
 use crate::posterior::Posterior;
 use crate::prior::Prior;
@@ -247,8 +248,17 @@ impl Fit {
     /// # Errors
     /// As [`fit`].
     pub fn propagated_with(&self, summaries: &[&Summary]) -> Result<Propagated> {
+        self.propagated_monitored(summaries, Monitor::default())
+    }
+
+    /// Runs expectation propagation as [`Fit::propagated_with`] does, and reports every iteration to `monitor`. The
+    /// reported change is the largest change of an ω or a κ.
+    ///
+    /// # Errors
+    /// As [`fit`].
+    pub fn propagated_monitored(&self, summaries: &[&Summary], monitor: Monitor<'_>) -> Result<Propagated> {
         let inducing_points = self.condensed.as_ref().map(Summary::inducing_points);
-        propagate(&self.prior, &self.mean_field, inducing_points, summaries)
+        propagate(&self.prior, &self.mean_field, inducing_points, summaries, monitor)
     }
 
     /// Returns the prior of the fit.

@@ -10,6 +10,7 @@ use crate::cross::KEPT_MAX;
 use crate::error::Result;
 use crate::inputs::Inputs;
 use crate::likelihood::Likelihood;
+use crate::monitor::{Monitor, Progress};
 use crate::observations::Observations;
 use crate::posterior::Posterior;
 use crate::prior::Prior;
@@ -78,17 +79,18 @@ impl Propagated {
 }
 
 /// Runs expectation propagation from the sites of a mean field, with the given messages. The run is sparse if there are
-/// inducing points, and dense otherwise.
+/// inducing points, and dense otherwise. Every iteration is reported to the monitor.
 pub(super) fn propagate(
     prior: &Prior,
     mean_field: &MeanField,
     inducing_points: Option<&Inputs>,
     messages: &[&Summary],
+    monitor: Monitor<'_>,
 ) -> Result<Propagated> {
     let outcomes = mean_field.sites.kappa().iter().map(|&kappa| kappa > 0.0).collect();
     let observations = Observations::weighted(mean_field.sites.inputs().clone(), outcomes, mean_field.weights.clone())?;
     let likelihood = Likelihood::new(&observations, messages)?;
-    let mut run = Run::new();
+    let mut run = Run::new(monitor);
     let (omega, kappa) = match inducing_points {
         Some(points) => {
             let mut support = points.clone();
@@ -113,15 +115,16 @@ pub(super) fn propagate(
 type OmegaKappa = (Vec<f64>, Vec<f64>);
 
 /// State of the iteration.
-struct Run {
+struct Run<'a> {
+    monitor: Monitor<'a>,
     step: f64,
     iterations: usize,
     change: f64,
 }
 
-impl Run {
-    fn new() -> Self {
-        Self { step: STEP.0, iterations: 0, change: f64::INFINITY }
+impl<'a> Run<'a> {
+    fn new(monitor: Monitor<'a>) -> Self {
+        Self { monitor, step: STEP.0, iterations: 0, change: f64::INFINITY }
     }
 
     fn is_unfinished(&self) -> bool {
@@ -130,12 +133,13 @@ impl Run {
 
     /// Records the largest change of an iteration. If the change grew, the step is shortened, because all sites move at
     /// once and may overshoot.
-    fn record(&mut self, change: f64) {
+    fn record(&mut self, change: f64) -> Result<()> {
         self.iterations += 1;
         if change > self.change {
             self.step = f64::max(0.5 * self.step, STEP.1);
         }
         self.change = change;
+        self.monitor.report(Progress::Iteration { iterations: self.iterations, change })
     }
 
     fn on_events(&mut self, prior: &Prior, mean_field: &MeanField, likelihood: &Likelihood<'_>) -> Result<OmegaKappa> {
@@ -156,7 +160,7 @@ impl Run {
                 let site = (&mut omega[n], &mut kappa[n]);
                 change = f64::max(change, cavity.move_site(site, likelihood.observations, n, self.step));
             }
-            self.record(change);
+            self.record(change)?;
         }
         omega.truncate(events);
         kappa.truncate(events);
@@ -188,7 +192,7 @@ impl Run {
                     Site { omega: *omega, kappa: *kappa, bound: 0.0, change }
                 },
             )?;
-            self.record(walk.change);
+            self.record(walk.change)?;
         }
         Ok((omega, kappa))
     }
