@@ -52,6 +52,7 @@ pub use types::bounds;
 pub use types::bounds::Bounds;
 pub use types::chart::{Chart, MainArea, SCALE_FALLBACK_M};
 pub use types::event::{Event, Link, MessageKind, Position, VehicleId};
+pub use types::interrupt::Interrupt;
 pub use types::limits::Limits;
 pub use types::query::{Kind, Label, LinkQuery, Time, UnknownHeading, Vehicle};
 pub use types::reference_system::{Geographic, NoReferenceSystem, ReferenceSystem};

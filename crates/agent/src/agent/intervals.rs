@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use dgpc::{Latent, Posterior, Summary};
+use dgpc::{Latent, Monitor, Posterior, Summary};
 
 use crate::agent::averaging::{ModelPredictions, mixture};
 use crate::agent::prediction::{CappedPrediction, Interval, Prediction};
@@ -13,6 +13,7 @@ use crate::inference::accepted::{packets_with, summaries};
 use crate::inference::alternative::AlternativeModel;
 use crate::inference::event_fit::EventFit;
 use crate::inference::posteriors::IntervalPosteriors;
+use crate::types::interrupt::Interrupt;
 use crate::types::query::LinkQuery;
 
 /// Standard deviations that contain nine in ten of a normal distribution, to either side of its mean.
@@ -54,7 +55,9 @@ impl Agent {
     /// `None` without a fit.
     fn propagated(&self, last: Option<&EventFit>, messages: &[&Summary]) -> Result<Option<Posterior>, AgentError> {
         let Some(last) = last else { return Ok(None) };
-        let mut posterior = last.fit.propagated_with(messages)?.posterior()?;
+        let interrupt = Interrupt::attached();
+        let monitor = |progress| interrupt.monitor(progress);
+        let mut posterior = last.fit.propagated_monitored(messages, Monitor::new(&monitor))?.posterior()?;
         for known in self.posteriors.absorbed_own() {
             dgpc::absorb_observations(&mut posterior, &self.memory.observation(&known.event)?)?;
         }

@@ -17,6 +17,7 @@ use crate::store::entry::Entry;
 use crate::store::memory::{Effect, Memory};
 use crate::team::config::Team;
 use crate::types::event::{Event, Position, VehicleId};
+use crate::types::interrupt::Interrupt;
 
 /// One vehicle of a team, as a state machine without input or output, clock, or threads.
 ///
@@ -324,8 +325,10 @@ impl Agent {
         Ok(())
     }
 
-    /// Absorbs new data into the posteriors. O(1) without any.
+    /// Absorbs new data into the posteriors. O(1) without any. Every query calls it, so that an [`Interrupt`] stops a
+    /// host between its queries.
     pub(crate) fn update(&mut self) -> Result<(), AgentError> {
+        Interrupt::check()?;
         if self.is_current {
             return Ok(());
         }

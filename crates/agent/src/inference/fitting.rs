@@ -3,6 +3,7 @@
 use dgpc::{Candidates, Fit, FitOptions, Inputs, Observations, Posterior, Prior, Summary, spread_out};
 
 use crate::error::AgentError;
+use crate::types::interrupt::Interrupt;
 use crate::types::limits::Limits;
 
 /// Numerical quality of a fit.
@@ -44,6 +45,8 @@ pub(crate) struct WarmStart<'a> {
 /// Fits `observations`, given the summaries in `messages`. The fit is dense up to [`Limits::dense_events_max`] events,
 /// and sparse above.
 ///
+/// A request of the [`Interrupt`] of the thread stops the fit.
+///
 /// A sparse fit with a warm start has a limited number of iterations. It may end before its fixed point: see
 /// [`FitQuality::converged`].
 pub(crate) fn fit(
@@ -53,7 +56,9 @@ pub(crate) fn fit(
     limits: &Limits,
     start: Option<WarmStart<'_>>,
 ) -> dgpc::Result<Fit> {
-    let mut options = FitOptions::default().tolerance(TOLERANCE).messages(messages);
+    let interrupt = Interrupt::attached();
+    let monitor = |progress| interrupt.monitor(progress);
+    let mut options = FitOptions::default().tolerance(TOLERANCE).messages(messages).monitor(&monitor);
     options.start = start.map(|start| start.tilts);
     if observations.len() <= limits.dense_events_max {
         return dgpc::fit(prior, observations, &options);

@@ -10,6 +10,7 @@ use crate::model::optional_terms::OptionalTerm;
 use crate::model::structure::{MeanStructure, Structure};
 use crate::types::chart::Chart;
 use crate::types::event::Event;
+use crate::types::interrupt::Interrupt;
 use crate::types::limits::Limits;
 
 /// Smallest gain for which a term is added, in nats per event.
@@ -149,7 +150,7 @@ impl Learning {
     ///
     /// # Errors
     /// [`dgpc::Error`] for a position that is not finite, or for a scale or fixed parameter that is not finite and
-    /// positive.
+    /// positive. [`dgpc::Error::Stopped`] after a request of the [`Interrupt`].
     pub fn fit<'a>(
         &self,
         structure: &Structure,
@@ -178,7 +179,9 @@ impl Learning {
         if transferred.is_some_and(|(_, earlier)| earlier != structure) {
             options.tolerance = ADDITION_TOLERANCE;
         }
-        let learned = dgpc::learn(&template.prior, &observations, &options)?;
+        let interrupt = Interrupt::attached();
+        let monitor = |progress| interrupt.monitor(progress);
+        let learned = dgpc::learn(&template.prior, &observations, &options.monitor(&monitor))?;
         let model = Model { prior: learned.prior.clone(), ..template };
         Ok(LearnedModel {
             structure: *structure,

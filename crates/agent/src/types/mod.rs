@@ -5,5 +5,6 @@ pub(crate) mod event;
 pub(crate) mod query;
 pub(crate) mod reference_system;
 pub(crate) mod chart;
+pub(crate) mod interrupt;
 pub(crate) mod limits;
 pub(crate) mod sharing;

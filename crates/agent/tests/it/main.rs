@@ -21,6 +21,7 @@ mod fading;
 mod fault_detection;
 mod golden;
 mod grid;
+mod interrupt;
 mod malformed_packets;
 mod malformed_reports;
 mod memory;
