@@ -2,6 +2,7 @@
 //!
 //! The command-line interface as a library. The library parses arguments, calls the crates below, and writes text and
 //! figures. [`main`] is the program. [`run`] runs one command in the process and writes its results to any writer.
+//! [`run_until`] also lets another thread stop the command.
 //!
 //! ```
 //! let mut results = Vec::new();
@@ -14,6 +15,7 @@
 
 // In the order of the flow: each module uses only those above it.
 mod output;
+mod interruptible;
 mod files;
 mod output_target;
 mod grid;
@@ -40,9 +42,13 @@ mod short_help;
 
 use std::ffi::OsString;
 use std::io::Write;
+use std::path::Path;
 use std::process::ExitCode;
 
 use clap::{ArgAction, CommandFactory, FromArgMatches, Parser};
+
+pub use pingmap_agent::Interrupt;
+use pingmap_agent::Team;
 
 use crate::commands::Command;
 use crate::output::{BadInput, Out};
@@ -113,6 +119,13 @@ pub struct Failure {
     pub status: u8,
 }
 
+impl Failure {
+    fn of(error: &anyhow::Error) -> Self {
+        let status = if BadInput::is_behind(error) { 2 } else { 1 };
+        Self { message: format!("{error:#}"), status }
+    }
+}
+
 impl std::fmt::Display for Failure {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         formatter.write_str(&self.message)
@@ -123,13 +136,26 @@ impl std::error::Error for Failure {}
 
 /// Runs the program: arguments from the command line, results to standard output.
 pub fn main() -> ExitCode {
-    let arguments = definition().get_matches();
-    let arguments = Arguments::from_arg_matches(&arguments).unwrap_or_else(|error| error.exit());
-    match execute(&arguments, words(std::env::args_os()), &mut std::io::stdout()) {
-        Ok(()) => ExitCode::SUCCESS,
+    ExitCode::from(main_with(std::env::args_os()))
+}
+
+/// Runs the program with other arguments than those of the process, and returns the exit status. The first argument is
+/// the program's name.
+pub fn main_with(arguments: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> u8 {
+    let given: Vec<OsString> = arguments.into_iter().map(Into::into).collect();
+    let arguments = match parsed(&given) {
+        Ok(arguments) => arguments,
+        Err(error) => {
+            // Nobody reads a closed standard error.
+            let _ = error.print();
+            return status(&error);
+        }
+    };
+    match execute(&arguments, words(given), &mut std::io::stdout(), &Interrupt::default()) {
+        Ok(()) => 0,
         Err(failure) => {
             eprintln!("pingmap: {failure}");
-            ExitCode::from(failure.status)
+            failure.status
         }
     }
 }
@@ -142,12 +168,34 @@ pub fn run(
     arguments: impl IntoIterator<Item = impl Into<OsString> + Clone>,
     results: &mut (dyn Write + Send),
 ) -> Result<(), Failure> {
+    run_until(arguments, results, &Interrupt::default())
+}
+
+/// Runs one command as [`run`] does, until it ends or another thread requests it to stop.
+///
+/// Reading, learning, fits and predictions then end within a fraction of a second, with a failure of status 1. An
+/// interrupted command leaves no incomplete file.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_until(
+    arguments: impl IntoIterator<Item = impl Into<OsString> + Clone>,
+    results: &mut (dyn Write + Send),
+    interrupt: &Interrupt,
+) -> Result<(), Failure> {
     let given: Vec<OsString> = arguments.into_iter().map(Into::into).collect();
-    let arguments = definition()
-        .try_get_matches_from(&given)
-        .and_then(|matches| Arguments::from_arg_matches(&matches))
-        .map_err(|error| Failure { status: error.exit_code().try_into().unwrap_or(2), message: error.to_string() })?;
-    execute(&arguments, words(given), results)
+    let arguments = parsed(&given).map_err(|error| Failure { status: status(&error), message: error.to_string() })?;
+    execute(&arguments, words(given), results, interrupt)
+}
+
+/// Parses the arguments, of which the first is the program's name.
+fn parsed(given: &[OsString]) -> Result<Arguments, clap::Error> {
+    Arguments::from_arg_matches(&definition().try_get_matches_from(given)?)
+}
+
+/// Returns the exit status of refused arguments.
+fn status(error: &clap::Error) -> u8 {
+    error.exit_code().try_into().unwrap_or(2)
 }
 
 /// Returns the command line as text, without the program's name.
@@ -155,17 +203,27 @@ fn words(arguments: impl IntoIterator<Item = OsString>) -> Vec<String> {
     arguments.into_iter().skip(1).map(|word| word.to_string_lossy().into_owned()).collect()
 }
 
-fn execute(arguments: &Arguments, words: Vec<String>, out: &mut (dyn Write + Send)) -> Result<(), Failure> {
+fn execute(
+    arguments: &Arguments,
+    words: Vec<String>,
+    out: &mut (dyn Write + Send),
+    interrupt: &Interrupt,
+) -> Result<(), Failure> {
     let command = &arguments.command;
     output::be_quiet(arguments.quiet);
     let mut answers = Answers { out, command: words };
-    match output::with_threads(command.threads(), || command.run(&mut answers)) {
+    match output::with_threads(command.threads(), interrupt, || command.run(&mut answers)) {
         Ok(()) => Ok(()),
         // A reader that closes the pipe early, such as `head`, is not a failure.
         Err(error) if output::is_broken_pipe(&error) => Ok(()),
-        Err(error) => {
-            let status = if BadInput::is_behind(&error) { 2 } else { 1 };
-            Err(Failure { message: format!("{error:#}"), status })
-        }
+        Err(error) => Err(Failure::of(&error)),
     }
+}
+
+/// Reads a team file, and the model and key files that it names.
+///
+/// # Errors
+/// [`Failure`] with file, key, value and the expected value.
+pub fn read_team(path: &Path) -> Result<Team, Failure> {
+    team::read_team(path).map_err(|error| Failure::of(&error))
 }

@@ -7,6 +7,7 @@ use clap::Args;
 use pingmap_agent::{Link, VehicleId};
 use pingmap_trial::{EventLog, FileError, Split, open, thin};
 
+use crate::interruptible::Interruptible;
 use crate::output::{BadInput, warn};
 
 /// Name, size and digest of a log before any event was removed.
@@ -112,9 +113,9 @@ fn read_log(path: &Path) -> anyhow::Result<EventLog> {
 /// Opens a file, or standard input for `-`. Also returns the name for messages.
 pub fn opened(path: &Path) -> Result<(Box<dyn Read + Send>, &Path), FileError> {
     if path == Path::new(STANDARD_INPUT) {
-        return Ok((Box::new(std::io::stdin()), Path::new("standard input")));
+        return Ok((Box::new(Interruptible(std::io::stdin())), Path::new("standard input")));
     }
-    Ok((Box::new(open(path)?), path))
+    Ok((Box::new(Interruptible(open(path)?)), path))
 }
 
 /// Reads one log, as [`Logs::open`] does.

@@ -10,6 +10,7 @@ use std::time::Duration;
 use anyhow::Context;
 use comfy_table::{CellAlignment, ColumnConstraint, ContentArrangement, Table, Width};
 use indicatif::{ProgressBar, ProgressStyle};
+use pingmap_agent::Interrupt;
 use pingmap_import::ImportError;
 use pingmap_trial::{FileError, ReplayError};
 use serde::Serialize;
@@ -204,10 +205,15 @@ pub fn spinner(what: &'static str) -> ProgressBar {
     bar
 }
 
-/// Runs a function on a pool of `threads` worker threads; 0 uses one per core.
-pub fn with_threads(threads: usize, run: impl FnOnce() -> anyhow::Result<()> + Send) -> anyhow::Result<()> {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("cannot start worker threads")?;
-    pool.install(run)
+/// Runs a function on a pool of `threads` worker threads; 0 uses one per core. The interrupt stops all of them.
+pub fn with_threads(
+    threads: usize,
+    interrupt: &Interrupt,
+    run: impl FnOnce() -> anyhow::Result<()> + Send,
+) -> anyhow::Result<()> {
+    let interrupt = interrupt.clone();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).start_handler(move |_| interrupt.attach());
+    pool.build().context("cannot start worker threads")?.install(run)
 }
 
 /// Formats numbers as CSV, each in the shortest form that parses to an equal number.

@@ -60,6 +60,9 @@ impl Options {
     }
 }
 
+/// Largest number of links that are predicted in one call.
+const LINKS_AT_ONCE: usize = 1024;
+
 /// Columns of a prediction: probability, 90 % interval, and mean and variance of the log-odds.
 const COLUMNS: [&str; 5] = ["probability", "lower", "upper", "log_odds_mean", "log_odds_variance"];
 
@@ -122,7 +125,9 @@ impl Predictions {
         let mut learned_map = LearnedMap::learn(log, &options.source)?.capped(&options.query);
         fill_depths(table.attempts.iter_mut().map(|attempt| &mut attempt.link), &learned_map.log);
         let bar = spinner("predicting");
-        let predicted = learned_map.agent.predict_intervals(&table.attempts)?;
+        // An interrupt stops the work between two calls.
+        let predict = |attempts: &[LinkQuery]| learned_map.agent.predict_intervals(attempts);
+        let predicted = table.attempts.chunks(LINKS_AT_ONCE).map(predict).collect::<Result<Vec<_>, _>>()?.concat();
         bar.finish_and_clear();
         let row = |Prediction { mean, variance, probability, interval, .. }| {
             let (lower, upper) = interval.map_or((probability, probability), |ends| (ends.low, ends.high));

@@ -43,6 +43,30 @@ fn failures_have_the_status_and_message_of_the_program() {
 }
 
 #[test]
+fn an_interrupted_command_fails_and_leaves_no_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let events = file(folder.path(), "events.csv", log(&["a", "b"], 40));
+    let (events, output) = (events.to_str().unwrap(), folder.path().join("result.csv"));
+    let output = output.to_str().unwrap();
+    let interrupt = pingmap::Interrupt::default();
+    interrupt.request();
+    for command in [
+        &["learn", events, "-o", output][..],
+        &["replay", events],
+        &["replay", events, "--online"],
+        &["map", events, "--at", "0,0", "-o", output],
+        &["predict", events, "--links", events, "-o", output],
+        &["simulate", "-o", output],
+        &["import", "--events", events, "-o", output],
+    ] {
+        let failure = pingmap::run_until(["pingmap"].iter().chain(command), &mut Vec::new(), &interrupt).unwrap_err();
+        assert!(failure.message.contains("the computation was stopped"), "{command:?}: {failure:?}");
+    }
+    let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(left, ["events.csv"]);
+}
+
+#[test]
 fn every_command_has_a_summary() {
     let help = run(&["--help"]).unwrap_err().message;
     let list = help.split_once("Commands:").unwrap().1.split_once("Options:").unwrap().0;

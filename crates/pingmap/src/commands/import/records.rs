@@ -12,6 +12,7 @@ use pingmap_trial::{FileError, Problem};
 
 use super::archives::{DEPTH_MAX, is_archive, unpack_archive};
 use super::unpacked::{Section, Unpacked};
+use crate::interruptible::Interruptible;
 use crate::log::{self, STANDARD_INPUT};
 use crate::output::{BadInput, note, warn};
 
@@ -51,7 +52,7 @@ impl RecordFile {
     /// Opens the file with the error messages of all readers.
     pub fn open(&self) -> Result<Box<dyn Read + Send>, ImportError> {
         match &self.section {
-            Some(section) => Ok(Box::new(section.clone())),
+            Some(section) => Ok(Box::new(Interruptible(section.clone()))),
             None => open(&self.path),
         }
     }

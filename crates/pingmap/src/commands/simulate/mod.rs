@@ -7,7 +7,7 @@ mod modem;
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use pingmap_agent::VehicleId;
+use pingmap_agent::{Interrupt, VehicleId};
 use pingmap_trial::EventLog;
 use pingmap_trial::simulate::{
     self, Absorption, CLEARANCE_M, Seawater, Simulated, Simulation, wind_of_sea_state_m_per_s,
@@ -17,6 +17,7 @@ use serde::Serialize;
 
 use self::files::Files;
 use crate::cli_parsers::{sea_state, whole_number};
+use crate::interruptible::Interruptible;
 use crate::model::InputDigests;
 use crate::output::{BadInput, Results, count, print_json, table};
 use crate::output_target::{Overwrite, RESULT};
@@ -226,12 +227,14 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     options.files.check(options.overwrite)?;
     let mut trial = simulation.run(&options.sound()).map_err(|error| BadInput(error.to_string()))?;
     trial.log.has_depths = options.depths;
+    Interrupt::check()?;
     options.files.write(&simulation, &mut trial)?;
     let text = trial.log.to_csv();
+    Interrupt::check()?;
     let written = target.write(text.as_bytes(), results);
     if options.json {
         // The JSON describes the log as a reader gets it: numbers are rounded, and depths may be missing.
-        let log = EventLog::read(text.as_bytes(), &options.output)?;
+        let log = EventLog::read(Interruptible(text.as_bytes()), &options.output)?;
         print_json(results, &SimulatedJson::of(&simulation, &trial, &log))?;
     } else {
         target.print_message(&format!("{}: {}", options.output.display(), summary(&simulation, &trial)), results)?;
