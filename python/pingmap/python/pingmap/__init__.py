@@ -1,0 +1,33 @@
+"""Maps of acoustic reception, learned during missions of underwater vehicles.
+
+The functions run the commands of the program ``pingmap`` in this process, on tables. A table is a mapping of column
+names to arrays, such as a dictionary or a frame of pandas or Polars, or the path of a CSV file. Equal logs, models and
+seeds give the same numbers as the command line.
+
+Bad input raises a ``ValueError``. Any other failure raises ``pingmap.Error``. Warnings go to standard error. Notes and
+progress go there, too, if the option ``quiet=False`` is given. Ctrl-C stops a command within a second.
+"""
+
+from ._agent import Agent, Receipt
+from ._commands import import_mission, learn, map, predict, read_log, replay, run, simulate
+from ._pingmap import Error
+from ._tables import Table
+from ._workspace import Model
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "Agent",
+    "Error",
+    "Model",
+    "Receipt",
+    "Table",
+    "import_mission",
+    "learn",
+    "map",
+    "predict",
+    "read_log",
+    "replay",
+    "run",
+    "simulate",
+]

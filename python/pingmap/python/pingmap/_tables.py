@@ -1,0 +1,134 @@
+"""Tables: any mapping of column names to arrays as CSV, and CSV as a dictionary of arrays."""
+
+from __future__ import annotations
+
+import csv
+import io
+import numbers
+import os
+from collections.abc import Sequence
+from typing import Any, Protocol, TypeAlias, Union
+
+import numpy as np
+import numpy.typing as npt
+
+Array: TypeAlias = npt.NDArray[Any]
+
+
+class Columns(Protocol):
+    """A mapping of column names to arrays, such as a dictionary, or a frame of pandas or Polars."""
+
+    def __getitem__(self, name: Any, /) -> Any: ...
+
+
+TableLike: TypeAlias = Union[str, "os.PathLike[str]", Columns]
+
+#: Columns that are text, even if all their fields look like numbers.
+TEXT_COLUMNS = {"tx_id", "rx_id", "kind"}
+
+
+class Table(dict[str, Array]):
+    """A dictionary of arrays. Except for maps they have one length, so that ``pandas.DataFrame`` accepts it.
+
+    Attributes
+    ----------
+    reference_system : str or None
+        The reference system of an event log, such as ``"EPSG:32619"`` or ``"41.52,-70.67"``, the latitude and longitude
+        of (0, 0). Copies to other types lose it; the options ``crs`` and ``origin`` state it again.
+    report : dict
+        The object that the command prints with ``--json``; empty if there is none.
+    """
+
+    def __init__(self, columns: Any = (), /, reference_system: str | None = None, report: Any = None) -> None:
+        super().__init__(columns)
+        self.reference_system = reference_system
+        self.report: dict[str, Any] = report or {}
+
+
+#: Start of the line of an event log that names its reference system.
+REFERENCE = "# reference system:"
+
+
+def column_names(table: Any) -> list[str]:
+    """Returns the names of the columns of a mapping or a frame."""
+    names = table.keys() if hasattr(table, "keys") else getattr(table, "columns", None)
+    if names is None or isinstance(table, (str, bytes)):
+        raise ValueError(
+            f"expected a path, or a mapping of column names to arrays such as a dictionary or a pandas frame, "
+            f"found {type(table).__name__}"
+        )
+    names = list(names)
+    for name in names:
+        if not isinstance(name, str):
+            raise ValueError(f"names of columns must be text, found {name!r}")
+    return names
+
+
+def column(table: Any, name: str) -> list[str]:
+    """Returns the fields of a column as text.
+
+    Numbers keep all their digits. A missing name, kind or heading is an empty field.
+    """
+    values = np.asarray(table[name])
+    if values.ndim != 1:
+        raise ValueError(f"column {name}: expected an array of one dimension, found {values.ndim}")
+    return [field(value, name) for value in values.tolist()]
+
+
+def field(value: object, name: str) -> str:
+    """Returns one value as text."""
+    if isinstance(value, float):
+        is_blank = value != value and (name in TEXT_COLUMNS or name.endswith("_heading_deg"))
+        return "" if is_blank else repr(float(value))
+    if isinstance(value, str):
+        return value
+    if value is None or type(value).__name__ in ("NAType", "NaTType"):
+        return ""
+    if isinstance(value, numbers.Integral):
+        return str(int(value))
+    if isinstance(value, numbers.Real):
+        return repr(float(value))
+    raise ValueError(f"column {name}: expected numbers or text, found {value!r}")
+
+
+def to_csv(table: Any) -> str:
+    """Returns a table as CSV. The numbers of the text are exactly those of the table."""
+    names = column_names(table)
+    columns = [column(table, name) for name in names]
+    lengths = {len(fields) for fields in columns}
+    if len(lengths) > 1:
+        found = ", ".join(f"{name} {len(fields)}" for name, fields in zip(names, columns))
+        raise ValueError(f"all columns must have one length, found {found}")
+    text = io.StringIO()
+    reference = getattr(table, "reference_system", None)
+    if isinstance(reference, str):
+        text.write(f"{REFERENCE} {reference}\n")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows(zip(*columns))
+    return text.getvalue()
+
+
+def from_csv(text: str) -> Table:
+    """Returns the columns of CSV that pingmap wrote: numbers where all fields are numbers, and text elsewhere."""
+    reference = None
+    while text.startswith("#"):
+        remark, _, text = text.partition("\n")
+        if remark.startswith(REFERENCE):
+            reference = remark[len(REFERENCE) :].strip()
+    rows = csv.reader(io.StringIO(text, newline=""))
+    header = next(rows, [])
+    columns: list[tuple[str, ...]] = list(zip(*rows)) or [()] * len(header)
+    arrays = {name: array(name, fields) for name, fields in zip(header, columns)}
+    return Table(arrays, reference_system=reference)
+
+
+def array(name: str, fields: Sequence[str]) -> Array:
+    """Returns the fields of one column as an array. An empty field among numbers is NaN."""
+    if name.lower() in TEXT_COLUMNS:
+        return np.array(fields, dtype=str)
+    try:
+        values = np.array([float(text) if text else np.nan for text in fields], dtype=float)
+    except ValueError:
+        return np.array(fields, dtype=str)
+    return values.astype(np.int64) if name == "success" else values

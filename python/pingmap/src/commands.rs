@@ -1,0 +1,42 @@
+//! The commands of the program, and event logs.
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+use pingmap_trial::EventLog;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+use crate::errors::failed;
+use crate::work::work;
+
+/// Returns the command line with the program's name before the arguments.
+fn command_line(arguments: Vec<OsString>) -> Vec<OsString> {
+    [OsString::from("pingmap")].into_iter().chain(arguments).collect()
+}
+
+/// Runs one command, and returns the text that it prints.
+#[pyfunction]
+#[pyo3(signature = (arguments, /))]
+pub fn run(py: Python<'_>, arguments: Vec<OsString>) -> PyResult<String> {
+    let printed = work(py, |interrupt| {
+        let mut printed = Vec::new();
+        pingmap::run_until(command_line(arguments), &mut printed, interrupt).map(|()| printed)
+    })?;
+    String::from_utf8(printed.map_err(failed)?).map_err(|error| PyValueError::new_err(error.to_string()))
+}
+
+/// Runs the program, which prints to the standard output and error of the process. Returns the exit status.
+#[pyfunction]
+#[pyo3(signature = (arguments, /))]
+pub fn main(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
+    py.detach(|| pingmap::main_with(command_line(arguments)))
+}
+
+/// Reads an event log, and returns it as CSV with standard columns.
+#[pyfunction]
+#[pyo3(signature = (path, /))]
+pub fn read_log(py: Python<'_>, path: PathBuf) -> PyResult<String> {
+    let log = work(py, |_| EventLog::open(&path).map(|log| log.to_csv()))?;
+    log.map_err(|error| PyValueError::new_err(error.to_string()))
+}

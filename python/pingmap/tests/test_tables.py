@@ -1,0 +1,131 @@
+"""Tables of any kind give the same result, and bad tables raise a clear exception."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pingmap
+
+
+def frames(table: dict[str, Any], library: str) -> Any:
+    """Returns the table as a frame of a library. Skips the test if the library is not installed."""
+    return pytest.importorskip(library).DataFrame(table)
+
+
+@pytest.mark.parametrize("library", ["pandas", "polars"])
+def test_frames_give_the_result_of_dictionaries(
+    log: Path, model: Path, links: dict[str, list[float]], library: str
+) -> None:
+    table = dict(pingmap.read_log(log))
+    expected = pingmap.predict(table, links, model=model)
+    found = pingmap.predict(frames(table, library), frames(links, library), model=model)
+    assert all(np.array_equal(found[name], expected[name]) for name in expected)
+
+
+def test_pandas_accepts_results_and_missing_values(log: Path, model: Path, links: dict[str, list[float]]) -> None:
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.DataFrame(pingmap.predict(log, links, model=model))
+    assert len(frame) == 3 and frame["probability"].between(0, 1).all()
+    log_frame = pandas.DataFrame(pingmap.read_log(log))
+    log_frame["kind"] = pandas.Series(["fast"] + [None] * (len(log_frame) - 1))
+    log_frame["tx_heading_deg"] = [90.0] + [np.nan] * (len(log_frame) - 1)
+    assert len(pingmap.predict(log_frame, frame, model=model)["probability"]) == 3
+
+
+def test_numbers_and_text_survive_the_border(log: Path, model: Path, links: dict[str, list[float]]) -> None:
+    awkward = {**links, "Note": ['a "b", c', "", "ü"], "odd": [1e-300, 0.1 + 0.2, -0.0], "tx_id": ["007", "a", "b"]}
+    found = pingmap.predict(log, awkward, model=model)
+    assert found["Note"].tolist() == awkward["Note"] and found["tx_id"].tolist() == awkward["tx_id"]
+    assert found["odd"].tobytes() == np.array(awkward["odd"]).tobytes()
+    assert found["rx_easting_m"].tolist() == links["rx_easting_m"]
+
+
+def test_any_layout_and_type_of_numbers_is_accepted(log: Path) -> None:
+    table = pingmap.read_log(log)
+    other: dict[str, Any] = {name: np.repeat(values, 2)[::2] for name, values in table.items()}
+    other["success"] = table["success"].astype(bool)
+    other["tx_id"] = table["tx_id"].astype(object)
+    assert pingmap.learn(other, additions="range").text == pingmap.learn(table, additions="range").text
+
+
+def broken(log: Path, changes: dict[Any, Any]) -> dict[str, Any]:
+    """Returns the log with other columns; those that are ``None`` are removed."""
+    table = {**pingmap.read_log(log), **changes}
+    return {name: values for name, values in table.items() if values is not None}
+
+
+def test_bad_columns_are_refused_with_their_name(log: Path) -> None:
+    table = pingmap.read_log(log)
+    size = len(table["success"])
+    nan = table["tx_easting_m"].copy()
+    nan[4] = np.nan
+    cases: dict[str, dict[Any, Any]] = {
+        "rx_id": {"rx_id": None},
+        "log.csv: line 6, column tx_easting_m: found \"nan\"": {"tx_easting_m": nan},
+        "column time_s: found \"inf\"": {"time_s": np.full(size, np.inf)},
+        "column tx_northing_m: found \"north\"": {"tx_northing_m": np.array(["north"] * size)},
+        "column success: found": {"success": np.full(size, 2)},
+        "one length, found": {"time_s": table["time_s"][:-1]},
+        "expected an array of one dimension, found 2": {"time_s": np.zeros((size, 2))},
+        "expected numbers or text, found": {"time_s": np.array([object()] * size)},
+        "names of columns must be text": {3: table["time_s"]},
+    }
+    for words, changes in cases.items():
+        with pytest.raises(ValueError) as caught:
+            pingmap.learn(broken(log, changes))
+        assert words in str(caught.value), str(caught.value)
+        assert "/pingmap-" not in str(caught.value), "the message names the temporary folder"
+
+
+def test_empty_logs_and_logs_of_one_outcome_are_refused(log: Path) -> None:
+    table = pingmap.read_log(log)
+    for bad, words in [
+        ({}, "log.csv"),
+        ({name: values[:0] for name, values in table.items()}, "no events"),
+        (broken(log, {"success": np.ones(len(table["success"]), int)}), "--accept-bad-log"),
+        ([], "LOG"),
+        ("none.csv", "none.csv"),
+        (Path("/"), "/"),
+        ("a\0b", "a"),
+        ("\udcff.csv", ".csv"),
+        (17, "found int"),
+        (None, "found NoneType"),
+    ]:
+        with pytest.raises(ValueError) as caught:
+            pingmap.learn(bad)  # type: ignore[arg-type]
+        assert words in str(caught.value), str(caught.value)
+
+
+def test_unknown_and_bad_options_are_refused_with_the_words_of_the_command(log: Path) -> None:
+    cases: list[tuple[dict[str, Any], str]] = [
+        ({"nonsense": 1}, "unexpected argument '--nonsense'"),
+        ({"test_share": 2}, "--test-share"),
+        ({"test_share": object()}, "test_share: expected a number, text or a path"),
+        ({"json": True}, "--json"),
+        ({"output": "model.toml"}, "--output"),
+        ({"help": True}, "pingmap learn"),
+    ]
+    for options, words in cases:
+        with pytest.raises(ValueError) as caught:
+            pingmap.learn(log, **options)
+        assert words in str(caught.value), str(caught.value)
+
+
+def test_failures_that_are_not_bad_input_raise_the_error_of_the_package(log: Path, tmp_path: Path) -> None:
+    missing = tmp_path / "none" / "model.toml"
+    with pytest.raises(pingmap.Error, match="there is no folder"):
+        pingmap.run("learn", str(log), "-o", str(missing))
+    assert issubclass(pingmap.Error, RuntimeError)
+
+
+def test_no_temporary_files_stay(log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    pingmap.simulate(slots=10)
+    with pytest.raises(ValueError):
+        pingmap.learn({"time_s": [1.0]})
+    assert list(tmp_path.iterdir()) == []
