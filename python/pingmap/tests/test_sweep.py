@@ -1,0 +1,97 @@
+"""Sweeps: order, interruption, damaged results, and bad tasks."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pingmap.sweep import grid, replay_scores, simulated_scores, sweep
+
+
+def area(width: float, height: float) -> dict[str, float]:
+    return {"area": width * height}
+
+
+TASKS = grid(width=[1.0, 2.0], height=[3.0, 4.0, 5.0])
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {file.name: file.read_bytes() for file in folder.iterdir()}
+
+
+def test_the_table_has_a_row_for_each_task_in_order(tmp_path: Path) -> None:
+    table = sweep(area, TASKS, tmp_path)
+    assert table["width"] == [1.0, 1.0, 1.0, 2.0, 2.0, 2.0]
+    assert table["area"] == [3.0, 4.0, 5.0, 6.0, 8.0, 10.0]
+
+
+def test_files_and_table_do_not_depend_on_workers_or_order(tmp_path: Path) -> None:
+    expected = sweep(area, TASKS, tmp_path / "one")
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as processes:
+        assert sweep(area, TASKS, tmp_path / "two", map=processes.map) == expected
+
+    def backwards(function: Callable[..., Any], *items: Iterable[Any]) -> list[Any]:
+        return [function(*arguments) for arguments in reversed(list(zip(*items)))]
+
+    assert sweep(area, TASKS, tmp_path / "three", map=backwards) == expected
+    assert files(tmp_path / "one") == files(tmp_path / "two") == files(tmp_path / "three")
+
+
+def test_an_interrupted_sweep_continues_where_it_stopped(tmp_path: Path) -> None:
+    class Interrupted(Exception):
+        pass
+
+    def three(done: int, tasks: int) -> None:
+        if done == 3:
+            raise Interrupted
+
+    with pytest.raises(Interrupted):
+        sweep(area, TASKS, tmp_path, progress=three)
+    assert len(files(tmp_path)) == 3
+    seen: list[tuple[int, int]] = []
+    again = sweep(area, TASKS, tmp_path, progress=lambda *progress: seen.append(progress))
+    assert seen[0] == (3, 6) and seen[-1] == (6, 6)
+    assert again == sweep(area, TASKS, tmp_path / "whole")
+
+
+def test_a_damaged_result_is_computed_again(tmp_path: Path) -> None:
+    expected = sweep(area, TASKS, tmp_path)
+    for number, damage in enumerate([b"", b"{", b"[1]"]):
+        sorted(tmp_path.iterdir())[number].write_bytes(damage)
+    assert sweep(area, TASKS, tmp_path) == expected
+
+
+def test_the_content_of_a_file_is_part_of_the_task(tmp_path: Path) -> None:
+    file = tmp_path / "task.txt"
+
+    def size(path: Path) -> dict[str, int]:
+        return {"size": path.stat().st_size}
+
+    for content in ["a", "ab"]:
+        file.write_text(content)
+        assert sweep(size, [{"path": file}], tmp_path / "results")["size"] == [len(content)]
+    assert len(files(tmp_path / "results")) == 2
+
+
+def test_bad_tasks_and_results_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="two tasks of the sweep are equal"):
+        sweep(area, [TASKS[0], TASKS[0]], tmp_path)
+    with pytest.raises(ValueError, match="numbers, text and paths"):
+        sweep(area, [{"width": object(), "height": 1.0}], tmp_path)
+    with pytest.raises(ValueError, match="cannot be stored"):
+        sweep(lambda x: {"x": object()}, [{"x": 1}], tmp_path)
+    assert not files(tmp_path), "no half result remains"
+
+
+def test_simulated_missions_and_replays_are_tasks(tmp_path: Path, log: Path) -> None:
+    table = sweep(simulated_scores, grid(seed=[1, 2], vehicles=[2], slots=[60]), tmp_path)
+    assert all(0.0 < own < 1.5 for own in table["own"]) and table["own"][0] != table["own"][1]
+    table = sweep(replay_scores, grid(log=[log], repeats=[1], frames=[1, 5]), tmp_path)
+    assert table["centralised"][0] == table["centralised"][1] and len(table["team"]) == 2
+    assert json.dumps([table["own"], table["team"]])
