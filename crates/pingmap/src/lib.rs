@@ -146,7 +146,7 @@ pub fn main_with(arguments: impl IntoIterator<Item = impl Into<OsString> + Clone
     let arguments = match parsed(&given) {
         Ok(arguments) => arguments,
         Err(error) => {
-            // Nobody reads a closed standard error.
+            // A closed standard error is no failure.
             let _ = error.print();
             return status(&error);
         }
@@ -216,6 +216,8 @@ fn execute(
         Ok(()) => Ok(()),
         // A reader that closes the pipe early, such as `head`, is not a failure.
         Err(error) if output::is_broken_pipe(&error) => Ok(()),
+        // A reader that was stopped looks like a bad file.
+        Err(error) if interrupt.is_requested() => Err(Failure { status: 1, ..Failure::of(&error) }),
         Err(error) => Err(Failure::of(&error)),
     }
 }

@@ -31,6 +31,9 @@ const FAR_TIMES: f64 = 30.0;
 /// Smallest distance of a position that is far away, in metres.
 const FAR_MIN_M: f64 = 5_000.0;
 
+/// Far positions do not count for a chart if they are at most this fraction of all: one in twenty.
+const FEW: usize = 20;
+
 /// The area of nearly all positions of a log, without single positions far away.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MainArea {
@@ -76,12 +79,15 @@ impl Chart {
     ///
     /// The origin is rounded to 100 m, so that logs of one site share it. Without positions it is (0, 0). The scale is
     /// the root-mean-square distance of the positions from their mean, rounded to two digits. It is
-    /// [`SCALE_FALLBACK_M`] if all positions coincide. Positions outside of the [`MainArea`] do not count: one of them
-    /// would make all length-scales too long.
+    /// [`SCALE_FALLBACK_M`] if all positions coincide. A few positions outside of the [`MainArea`] do not count: one of
+    /// them would make all length-scales too long. If they are more than a twentieth of all, they count.
     pub fn about(positions: impl IntoIterator<Item = Position>) -> Self {
         let mut positions: Vec<Position> = positions.into_iter().collect();
         let area = MainArea::of(&positions);
-        positions.retain(|position| area.contains(position));
+        let far = positions.iter().filter(|position| !area.contains(position)).count();
+        if far <= positions.len() / FEW {
+            positions.retain(|position| area.contains(position));
+        }
         let count = positions.len().max(1) as f64;
         let east_m = positions.iter().map(|position| position.east_m / count).sum::<f64>();
         let north_m = positions.iter().map(|position| position.north_m / count).sum::<f64>();

@@ -22,6 +22,21 @@ fn the_scale_is_the_rms_distance_of_positions_from_their_mean() {
 }
 
 #[test]
+fn a_few_positions_far_away_do_not_count_and_a_moored_receiver_hides_none() {
+    let near = |n: usize| Position::new((n * 37 % 1000) as f64, (n * 61 % 1000) as f64);
+    let without = Chart::about((0..200).map(near));
+    let far = Position::new(1.1e7, -4.9e6);
+    let with = Chart::about((0..200).map(near).chain([far]));
+    assert_eq!(with, without);
+    let many = Chart::about((0..200).map(near).chain([far; 20]));
+    assert!(many.scale_m > 1e6, "two areas are no mistake");
+
+    // Half of all ends lie at a mooring, and the other vehicle goes 20 km away.
+    let ends = (0..200).flat_map(|n| [Position::new(0.0, 0.0), Position::new(n as f64 * 100.0, 0.0)]);
+    assert!(Chart::about(ends).scale_m > 6_000.0);
+}
+
+#[test]
 fn systems_agree_to_a_metre() {
     let about = |text: &str| text.parse::<ReferenceSystem>().unwrap();
     let (origin, utm) = (about("41.52,-70.67"), about("EPSG:32619"));

@@ -23,7 +23,8 @@ pub enum Bounds {
     },
 }
 
-/// Width of the margin in which values approach a bound, as a share of the distance between the bounds.
+/// Width of the margin in which values approach a bound: this share of the distance between the bounds, and at most
+/// this number of standard deviations.
 const MARGIN: f64 = 0.02;
 
 /// A parameter that the search may change.
@@ -58,7 +59,7 @@ impl Moving {
             return (u, 1.0);
         }
         let [lower, upper] = [self.lower, self.upper].map(|bound| self.coordinate(bound));
-        let margin = if (upper - lower).is_finite() { MARGIN * (upper - lower) } else { MARGIN };
+        let margin = (MARGIN * (upper - lower)).min(MARGIN);
         let (above, slope_above) = if lower.is_finite() { softplus(u - lower, margin) } else { (u, 1.0) };
         let raised = if lower.is_finite() { lower + above } else { u };
         let (below, slope_below) = if upper.is_finite() { softplus(upper - raised, margin) } else { (0.0, 1.0) };
@@ -103,9 +104,9 @@ pub(super) fn check(template: &Prior, bounds: &[Bounds]) -> Result<()> {
             let expected = "in the domain of the parameter and below its upper bound";
             return Err(Error::OutOfRange { what: "lower bound of a parameter", expected, value: lower });
         }
-        // Logarithm and exponential of a value at a bound may differ from the bound in the last digit.
+        // Logarithm and exponential of a value at a bound may differ from the bound in the last digits.
         let [least, most] = [lower, upper].map(|bound| parameter.learned_value(bound));
-        if value < least - ROUNDING * least.abs() || value > most + ROUNDING * most.abs() {
+        if value < least - ROUNDING * (1.0 + least.abs()) || value > most + ROUNDING * (1.0 + most.abs()) {
             let (what, expected) = ("template's value of a bounded parameter", "between its bounds");
             return Err(Error::OutOfRange { what, expected, value: parameter.natural_value(value) });
         }
@@ -113,8 +114,8 @@ pub(super) fn check(template: &Prior, bounds: &[Bounds]) -> Result<()> {
     Ok(())
 }
 
-/// Relative difference by which the template may exceed a bound.
-const ROUNDING: f64 = 1e-12;
+/// Difference by which the learned value of the template may exceed a bound.
+const ROUNDING: f64 = 1e-9;
 
 #[cfg(test)]
 mod tests {
@@ -136,6 +137,9 @@ mod tests {
         }
         let free = Moving { place: 0, spread: 1.0, centre: 0.0, lower: f64::NEG_INFINITY, upper: f64::INFINITY };
         assert_eq!(free.bounded(-7.5), (-7.5, 1.0));
+        let wide = Moving { place: 0, spread: 1.0, centre: 0.3, lower: 0.0, upper: 1000.0 };
+        assert!((wide.bounded(0.0).0 - 0.0).abs() < 0.02, "a wide bound does not move the start");
+        assert!(wide.bounded(-8.0).0 < -0.299, "the lower bound is within reach");
         let middle = Moving { place: 0, spread: 1.0, centre: 0.0, lower: -1.0, upper: 1.0 };
         assert!((middle.bounded(0.3).0 - 0.3).abs() < 1e-6, "values far from the bounds stay");
     }

@@ -29,9 +29,9 @@ const TILT_TOLERANCE: f64 = 1e-3;
 pub enum Calibration {
     /// No calibration was requested. The variances are those that maximise E.
     NotAsked,
-    /// All variances were multiplied by this factor.
+    /// All variances that learning may change were multiplied by this factor, as far as their bounds permit it.
     Factor(f64),
-    /// All variances were multiplied by this factor, which is the smallest or the largest allowed factor. The optimal
+    /// The variances were multiplied by this factor, which is the smallest or the largest allowed factor. The optimal
     /// factor is outside the allowed range.
     AtBound(f64),
     /// The corrected evidence could not be computed, for the given reason. The variances are those that maximise E.

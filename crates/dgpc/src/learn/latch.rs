@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use crate::error::{Error, Result};
 use crate::monitor::{Monitor, Progress};
 
-/// Remembers a request to stop. Later progress is not reported to the callback: the answer stays.
+/// Remembers a request to stop: later progress is not reported to the callback. Other threads may have begun a call.
 pub(super) struct Latch<'a> {
     monitor: Monitor<'a>,
     is_stopped: AtomicBool,

@@ -188,8 +188,9 @@ fn compare_starts(template: &Prior, few: &Likelihood<'_>, options: &LearnOptions
     let search = Search::new(template, few, None, &rough);
     let begin = starting_points(template, options)?;
     let ends = search.run(&begin);
+    // The search keeps fixed parameters and bounds, also at its starts.
     let start = |(prior, end): (Prior, &Result<SearchEnd>)| Start {
-        prior,
+        prior: search.within_reach(&prior).unwrap_or(prior),
         objective: end.as_ref().ok().map(|end| end.objective),
     };
     let starts = begin.into_iter().zip(&ends).map(start).collect();

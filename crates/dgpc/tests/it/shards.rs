@@ -158,7 +158,7 @@ fn contributions_to_other_requests_are_refused() {
     assert!(matches!(ShardContribution::sum(Vec::new()), Err(Error::OutOfRange { .. })));
     let gradient = answer(&fit.gradient_request());
     assert_eq!(fit.absorb(gradient[0].clone()).err(), Some(Error::WrongContribution));
-    assert_eq!(fit.gradient(second[0].clone()).err(), Some(Error::WrongContribution));
+    assert_eq!(fit.gradient(gradient[0].clone()).err(), Some(Error::Unfinished));
 
     // A refused contribution leaves the fit as it was.
     fit.absorb(ShardContribution::sum(second).unwrap()).unwrap();

@@ -61,6 +61,7 @@ fn an_interrupted_command_fails_and_leaves_no_file() {
     ] {
         let failure = pingmap::run_until(["pingmap"].iter().chain(command), &mut Vec::new(), &interrupt).unwrap_err();
         assert!(failure.message.contains("the computation was stopped"), "{command:?}: {failure:?}");
+        assert_eq!(failure.status, 1, "{command:?}");
     }
     let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     assert_eq!(left, ["events.csv"]);

@@ -41,18 +41,19 @@ impl Coordinator {
         &self.posterior
     }
 
-    /// Sets the posterior to that of the messages and of the events with the given sums. O(M³).
+    /// Sets the posterior to that of the messages and of the events with the given sums. An error leaves the posterior as
+    /// it was. O(M³).
     pub(crate) fn take(&mut self, sums: &Sums) -> Result<()> {
-        self.precision.copy_from(&sums.precision);
-        self.precision.add_scaled(1.0, &self.messages.sums.precision);
-        let mut s = self.precision.clone();
+        let mut precision = sums.precision.clone();
+        precision.add_scaled(1.0, &self.messages.sums.precision);
+        let mut s = precision.clone();
         s.add_to_diagonal(1.0);
         let inner = Cholesky::new("I + ΦᵀΩΦ", s)?;
         let both = sums.shift.iter().zip(&self.messages.sums.shift);
         let mut weights: Vec<f64> = both.map(|(own, others)| own + others).collect();
         inner.solve_lower(&mut weights);
         all_finite("whitened posterior mean", &weights)?;
-        self.posterior = Arc::new(PointPosterior { inner, weights });
+        (self.precision, self.posterior) = (precision, Arc::new(PointPosterior { inner, weights }));
         Ok(())
     }
 

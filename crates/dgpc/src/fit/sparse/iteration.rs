@@ -139,13 +139,13 @@ impl<'a> Iteration<'a> {
     }
 
     fn absorb_walk(&mut self, walk: Walk) -> Result<()> {
-        self.end.iterations += 1;
-        self.monitor.report(Progress::Iteration { iterations: self.end.iterations, change: walk.change })?;
-        self.before = Some(Arc::clone(self.coordinator.posterior()));
+        let (iterations, walked) = (self.end.iterations + 1, Arc::clone(self.coordinator.posterior()));
+        self.monitor.report(Progress::Iteration { iterations, change: walk.change })?;
         let evidence = match self.coordinator.take(&walk.sums) {
             Err(_) if !self.is_plain => f64::NAN,
             taken => taken.map(|()| self.coordinator.evidence(walk.bound))?,
         };
+        (self.end.iterations, self.before) = (iterations, Some(walked));
         // Plain steps never lower E. If an accelerated step lowered it, the plain step replaces it and the acceleration
         // restarts.
         let is_worse = !evidence.is_finite() || evidence < self.best - 1e-10 * self.best.abs();
@@ -209,6 +209,9 @@ impl<'a> Iteration<'a> {
         prior: &Prior,
         likelihood: &Likelihood<'_>,
     ) -> Result<Vec<f64>> {
+        if self.phase != Phase::Done {
+            return Err(Error::Unfinished);
+        }
         let Contribution::Gradient(mut gradient) = of_events.result else { return Err(Error::WrongContribution) };
         if of_events.round != self.round || gradient.len() != prior.parameters().len() {
             return Err(Error::WrongContribution);

@@ -10,7 +10,7 @@ use crate::error::{Error, Result, all_finite, in_range, same_size};
 use crate::linalg::{Cholesky, Matrix};
 
 /// Largest number of inducing points in a list of numbers.
-const POINTS_MAX: f64 = 65_536.0;
+const POINTS_MAX: f64 = 65_535.0;
 
 impl ShardRequest {
     /// Returns the request as a list of at most M² + 3M + 4 numbers, for M inducing points.

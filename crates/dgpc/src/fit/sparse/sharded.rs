@@ -98,7 +98,7 @@ impl ShardedFit {
     /// [`ShardedFit::gradient_request`]. O(M³).
     ///
     /// # Errors
-    /// [`Error::WrongContribution`] for the answer to another request.
+    /// [`Error::Unfinished`] before the end of the fit; [`Error::WrongContribution`] for the answer to another request.
     pub fn gradient(&self, sum: ShardContribution) -> Result<Vec<f64>> {
         let events = no_events(&self.points)?;
         self.iteration.gradient(sum, &self.prior, &Likelihood::new(&events, &self.messages())?)
