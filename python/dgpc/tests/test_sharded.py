@@ -81,6 +81,14 @@ def test_a_changed_file_is_read_again(tmp_path, paths):
     assert sharded.fit(PRIOR, paths, POINTS).evidence != before
 
 
+def test_threads_with_many_inducing_points_give_the_same_bits(tmp_path):
+    paths = sharded.write_shards(tmp_path, X, Y, shards=12)
+    with ThreadPoolExecutor(6) as threads:
+        for keep in [None, 3, 0]:
+            found = sharded.fit(PRIOR, paths, X[::3], map=threads.map, keep=keep, iterations_max=6)
+            assert found.stop == "iterations_max" and found.contribution_bytes == 8 * (5 + 200 * 203 // 2)
+
+
 def test_progress_is_reported_after_every_round(paths):
     seen = []
     found = sharded.fit(PRIOR, paths, POINTS, progress=lambda *progress: seen.append(progress))

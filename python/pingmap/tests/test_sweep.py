@@ -87,6 +87,10 @@ def test_bad_tasks_and_results_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="cannot be stored"):
         sweep(lambda x: {"x": object()}, [{"x": 1}], tmp_path)
     assert not files(tmp_path), "no half result remains"
+    with pytest.raises(ValueError, match="the workers stored no result of the task"):
+        sweep(area, TASKS, tmp_path, map=lambda *arguments: [])
+    with pytest.raises(TypeError, match="unexpected keyword"):
+        sweep(area, [{"depth": 1.0}], tmp_path)
 
 
 def test_simulated_missions_and_replays_are_tasks(tmp_path: Path, log: Path) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import builtins
 import hashlib
 import os
+import threading
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -44,10 +45,12 @@ class FittedShards(NamedTuple):
     iterations: int
     change: float
     """Largest change of a tilt in the last iteration."""
+    stop: str
+    """The reason why the iteration ended, as ``Fit.stop``."""
     request_bytes: int
-    """Bytes that each shard received in the last round."""
+    """Bytes that each shard received in the last iteration."""
     contribution_bytes: int
-    """Bytes that each shard sent in the last round."""
+    """Bytes that each shard sent in the last iteration."""
 
 
 def write_shards(
@@ -166,14 +169,15 @@ def fit(
 
     sizes = (0, 0)
     while (request := run.request()) is not None:
-        contributions = answers(request)
+        contributions, before = answers(request), run.iterations
         run.absorb(contributions)
-        sizes = (request.nbytes, contributions[0].nbytes)
+        if run.iterations > before:
+            sizes = (request.nbytes, contributions[0].nbytes)
         if progress is not None:
             progress(run.iterations, run.change)
     gradient = run.gradient(answers(run.gradient_request()))
     return FittedShards(
-        run.posterior(), run.summary(), run.evidence, gradient, run.iterations, run.change, *sizes
+        run.posterior(), run.summary(), run.evidence, gradient, run.iterations, run.change, run.stop or "", *sizes
     )
 
 
@@ -205,27 +209,32 @@ class _Model(NamedTuple):
 #: The shards that this process keeps, by file and model; the least recently used one is first.
 _kept: OrderedDict[tuple[str, int, bytes], Shard] = OrderedDict()
 
+#: Several threads may be workers of one process.
+_lock = threading.Lock()
+
 
 def _contribute(path: str, model: _Model, request: NDArray[np.float64]) -> NDArray[np.float64]:
     """Returns the contribution of one shard to a request. Runs in a worker."""
     try:
         key = (path, os.stat(path).st_mtime_ns, model.digest())
+        with _lock:
+            shard = _kept.pop(key, None)
+            # Earlier models and contents of the file are not needed again.
+            for other in [other for other in _kept if other[2] != key[2] or other[0] == path]:
+                del _kept[other]
         # An empty shard is false, too.
-        shard = _kept.pop(key, None)
         shard = _read(path, model) if shard is None else shard
         contribution = shard.contribute(request)
     except (OSError, ValueError) as error:
         raise ValueError(f"{path}: {error}") from error
-    _kept[key] = shard
-    while model.keep is not None and len(_kept) > model.keep:
-        _kept.popitem(last=False)
+    with _lock:
+        _kept[key] = shard
+        while model.keep is not None and len(_kept) > model.keep:
+            _kept.popitem(last=False)
     return contribution
 
 
 def _read(path: str, model: _Model) -> Shard:
-    # The models of earlier fits are not needed again.
-    for key in [key for key in _kept if key[2] != model.digest()]:
-        del _kept[key]
     table = np.load(path, mmap_mode="r", allow_pickle=False)
     dimension = model.inducing_points.shape[1]
     columns = dimension + 1 + model.weighted

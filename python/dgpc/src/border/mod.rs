@@ -8,4 +8,4 @@ mod work;
 pub use arrays::{Count, Numbers, Outcomes, Points, Square, Table, Vector, Whole, array, indices, matrix, vector};
 pub use bytes::{decode, encode, reduce};
 pub use errors::{Error, bad_input};
-pub use work::{check_memory, generator, interruptible, locked, remember_process, watched, work};
+pub use work::{check_memory, generator, interruptible, locked, remember_process, watched, work, work_on};

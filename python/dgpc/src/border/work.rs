@@ -93,14 +93,17 @@ pub fn watched<T: Send>(
                 return result?.map_err(failed);
             }
             if handle.is_finished() && locked(&slot).is_none() {
-                return Err(PyRuntimeError::new_err("the computation ended without a result"));
+                let panic = handle.join().err();
+                let text = panic.as_ref().and_then(|panic| panic.downcast_ref::<String>().map(String::as_str));
+                let text = text.or_else(|| panic.as_ref()?.downcast_ref::<&str>().copied()).unwrap_or("no message");
+                return Err(PyRuntimeError::new_err(format!("internal error: {text}")));
             }
-            let mut told = py.check_signals();
-            if let (Ok(()), Some(progress), true) = (&told, progress, Instant::now() > next) {
+            let mut checked = py.check_signals();
+            if let (Ok(()), Some(progress), true) = (&checked, progress, Instant::now() > next) {
                 next = Instant::now() + PROGRESS_EVERY;
-                told = locked(&latest).clone().report_to(py, progress);
+                checked = locked(&latest).clone().report_to(py, progress);
             }
-            if let Err(error) = told {
+            if let Err(error) = checked {
                 is_stopped.store(true, Ordering::Relaxed);
                 py.detach(|| drop(handle.join()));
                 return Err(error);
@@ -139,6 +142,23 @@ impl Latest {
         content.set_item("objective", self.objective)?;
         callable.call1(py, (content,)).map(drop)
     }
+}
+
+/// Computes with an object that threads share, without the interpreter's lock.
+///
+/// The object is locked before the computation enters a pool, because a thread of a pool may begin another computation
+/// while it waits.
+pub fn work_on<S: Send, T: Send>(
+    py: Python<'_>,
+    shared: &Mutex<S>,
+    compute: impl FnOnce(&mut S) -> dgpc::Result<T> + Send,
+) -> PyResult<T> {
+    py.detach(|| {
+        let mut guard = locked(shared);
+        let object = &mut *guard;
+        on_live_threads(|| compute(object))
+    })?
+    .map_err(failed)
 }
 
 /// Locks what a thread shares. A panic of another thread does not end this one.

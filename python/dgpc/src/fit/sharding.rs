@@ -7,7 +7,7 @@ use dgpc::{FitOptions, ShardContribution, ShardRequest};
 use pyo3::prelude::*;
 
 use super::fitted::stop_name;
-use crate::border::{Count, Numbers, Outcomes, Points, Table, Vector, array, bad_input, locked, vector, work};
+use crate::border::{Count, Numbers, Outcomes, Points, Table, Vector, array, bad_input, locked, vector, work, work_on};
 use crate::posterior::{Posterior, Sites, Summary, observations, references};
 use crate::prior::Prior;
 
@@ -55,7 +55,7 @@ impl Shard {
     /// Returns the contribution of the events to a request, as an array of numbers.
     fn contribute<'py>(&self, py: Python<'py>, request: Numbers) -> PyResult<Vector<'py>> {
         let request = ShardRequest::from_numbers(&request.0).map_err(bad_input)?;
-        let contribution = work(py, || locked(&self.0).contribute(&request))?;
+        let contribution = work_on(py, &self.0, |shard| shard.contribute(&request))?;
         Ok(vector(py, contribution.to_numbers()))
     }
 
@@ -73,7 +73,7 @@ impl Shard {
 
     /// Gaussian sites of the events, after the last request.
     fn sites(&self, py: Python<'_>) -> PyResult<Sites> {
-        work(py, || locked(&self.0).sites()).map(Sites)
+        work_on(py, &self.0, |shard| shard.sites()).map(Sites)
     }
 
     fn __len__(&self, py: Python<'_>) -> usize {
@@ -123,62 +123,65 @@ impl ShardedFit {
     /// Inducing points, with those of the messages; an array of shape (M, d).
     #[getter]
     fn inducing_points<'py>(&self, py: Python<'py>) -> PyResult<Table<'py>> {
-        array(py, locked(&self.0).inducing_points())
+        let points = py.detach(|| locked(&self.0).inducing_points().clone());
+        array(py, &points)
     }
 
     /// Returns the next request to all shards as an array of numbers, or None at the end of the fit.
     fn request<'py>(&self, py: Python<'py>) -> Option<Vector<'py>> {
-        locked(&self.0).request().map(|request| vector(py, request.to_numbers()))
+        let request = py.detach(|| locked(&self.0).request());
+        request.map(|request| vector(py, request.to_numbers()))
     }
 
     /// Absorbs the contributions of all shards to the present request, in the order of the shards.
     fn absorb(&self, py: Python<'_>, contributions: Vec<Numbers>) -> PyResult<()> {
-        work(py, || locked(&self.0).absorb(sum(&contributions)?))
+        work_on(py, &self.0, |fit| fit.absorb(sum(&contributions)?))
     }
 
     /// Returns the request for the gradient at the end of the fit, as an array of numbers.
     fn gradient_request<'py>(&self, py: Python<'py>) -> Vector<'py> {
-        vector(py, locked(&self.0).gradient_request().to_numbers())
+        let request = py.detach(|| locked(&self.0).gradient_request());
+        vector(py, request.to_numbers())
     }
 
     /// Returns the gradient of the evidence bound by each of `Prior.parameter_values`, from the contributions of all
     /// shards to `gradient_request`.
     fn gradient<'py>(&self, py: Python<'py>, contributions: Vec<Numbers>) -> PyResult<Vector<'py>> {
-        Ok(vector(py, work(py, || locked(&self.0).gradient(sum(&contributions)?))?))
+        Ok(vector(py, work_on(py, &self.0, |fit| fit.gradient(sum(&contributions)?))?))
     }
 
     /// Returns the posterior of the events and the messages, after the end of the fit.
     fn posterior(&self, py: Python<'_>) -> PyResult<Posterior> {
-        work(py, || locked(&self.0).posterior()).map(Posterior)
+        work_on(py, &self.0, |fit| fit.posterior()).map(Posterior)
     }
 
     /// Returns the summary of the events at the inducing points, after the end of the fit.
     fn summary(&self, py: Python<'_>) -> PyResult<Summary> {
-        work(py, || locked(&self.0).summary()).map(Summary)
+        work_on(py, &self.0, |fit| fit.summary()).map(Summary)
     }
 
     /// The evidence bound, in nats.
     #[getter]
-    fn evidence(&self) -> f64 {
-        locked(&self.0).evidence()
+    fn evidence(&self, py: Python<'_>) -> f64 {
+        py.detach(|| locked(&self.0).evidence())
     }
 
     /// Number of iterations.
     #[getter]
-    fn iterations(&self) -> usize {
-        locked(&self.0).iterations()
+    fn iterations(&self, py: Python<'_>) -> usize {
+        py.detach(|| locked(&self.0).iterations())
     }
 
     /// Largest change of a tilt in the last iteration.
     #[getter]
-    fn change(&self) -> f64 {
-        locked(&self.0).change()
+    fn change(&self, py: Python<'_>) -> f64 {
+        py.detach(|| locked(&self.0).change())
     }
 
     /// The reason why the iteration ended, as `Fit.stop`, or None before its end.
     #[getter]
-    fn stop(&self) -> Option<&'static str> {
-        locked(&self.0).stop().map(stop_name)
+    fn stop(&self, py: Python<'_>) -> Option<&'static str> {
+        py.detach(|| locked(&self.0).stop()).map(stop_name)
     }
 }
 

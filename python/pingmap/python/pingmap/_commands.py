@@ -156,6 +156,9 @@ def predict(log: Logs, links: TableLike, *, model: Model | PathLike | None = Non
         All columns of the links, and ``probability``, the 90 % interval ``lower`` and ``upper``, ``log_odds_mean`` and
         ``log_odds_variance``.
     """
+    refused = [name for name in ["json", "output", "o"] if name in options]
+    if refused:
+        raise ValueError(f"predict returns a table; expected no option {refused[0]}")
     with Workspace() as workspace:
         given = {"model": model, **options}
         return from_csv(workspace.run("predict", workspace.logs(log), given, links=workspace.file(links, "links.csv")))

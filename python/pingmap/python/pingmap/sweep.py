@@ -117,8 +117,10 @@ def sweep(
         ...     sweep(root, grid(x=[4.0, 9.0]), folder)
         {'x': [4.0, 9.0], 'root': [2.0, 3.0]}
     """
-    Path(folder).mkdir(parents=True, exist_ok=True)
-    files = [Path(folder) / f"{_digest(function, task)}.json" for task in tasks]
+    # A worker may have another working directory.
+    where = Path(folder).resolve()
+    where.mkdir(parents=True, exist_ok=True)
+    files = [where / f"{_digest(function, task)}.json" for task in tasks]
     if len(set(files)) < len(files):
         raise ValueError("two tasks of the sweep are equal; expected different tasks")
     missing = [number for number, file in enumerate(files) if _stored(file) is None]
@@ -130,6 +132,9 @@ def sweep(
         done += 1
         if progress is not None:
             progress(done, len(files))
+    for task, file in zip(tasks, files):
+        if _stored(file) is None:
+            raise ValueError(f"{file}: the workers stored no result of the task {dict(task)}; all need the folder")
     return _table(tasks, files)
 
 
@@ -148,8 +153,9 @@ def _digest(function: Callable[..., Any], task: Mapping[str, Any]) -> str:
 
 def _run(function: Callable[..., Mapping[str, Any]], task: dict[str, Any], file: str) -> None:
     """Runs a task and stores its result. Runs in a worker."""
+    result = dict(function(**task))
     try:
-        content = json.dumps(dict(function(**task)))
+        content = json.dumps(result)
     except TypeError as error:
         raise ValueError(f"the result of the task {task} cannot be stored: {error}") from error
     # A worker that dies while it writes leaves a temporary file, never half a result.
