@@ -41,8 +41,8 @@ impl Coordinator {
         &self.posterior
     }
 
-    /// Sets the posterior to that of the messages and of the events with the given sums. An error leaves the posterior as
-    /// it was. O(M³).
+    /// Sets the posterior to that of the messages and of the events with the given sums. An error leaves the posterior
+    /// as it was. O(M³).
     pub(crate) fn take(&mut self, sums: &Sums) -> Result<()> {
         let mut precision = sums.precision.clone();
         precision.add_scaled(1.0, &self.messages.sums.precision);
