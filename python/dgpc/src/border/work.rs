@@ -1,12 +1,14 @@
 //! Long computations: without the interpreter's lock, after a fork, and with Ctrl-C.
 
+use std::any::Any;
 use std::ops::ControlFlow;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Condvar, LazyLock, Mutex, MutexGuard};
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::sync::{Arc, LazyLock, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
 use dgpc::Progress;
-
 use pyo3::exceptions::{PyMemoryError, PyRuntimeError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -70,46 +72,49 @@ pub fn watched<T: Send>(
     progress: Option<&Py<PyAny>>,
     compute: impl FnOnce(&(dyn Fn(Progress) -> ControlFlow<()> + Sync)) -> dgpc::Result<T> + Send,
 ) -> PyResult<T> {
-    let (begin, is_stopped) = (Instant::now(), AtomicBool::new(false));
-    let (latest, slot, is_done) = (Mutex::new(Latest::default()), Mutex::new(None), Condvar::new());
+    let (is_stopped, latest) = (AtomicBool::new(false), Mutex::new(Latest::default()));
     let report = |progress| {
         locked(&latest).record(progress);
         if is_stopped.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    std::thread::scope(|scope| {
-        let handle = scope.spawn(|| {
-            let result = on_live_threads(|| compute(&report));
-            *locked(&slot) = Some(result);
-            is_done.notify_all();
-        });
-        let mut next = begin + PROGRESS_AFTER;
-        loop {
-            let result = py.detach(|| {
-                let waiting = locked(&slot);
-                let waited = is_done.wait_timeout_while(waiting, CHECK_AFTER, |result| result.is_none());
-                waited.unwrap_or_else(|poisoned| poisoned.into_inner()).0.take()
-            });
-            if let Some(result) = result {
-                return result?.map_err(failed);
-            }
-            if handle.is_finished() && locked(&slot).is_none() {
-                let panic = handle.join().err();
-                let text = panic.as_ref().and_then(|panic| panic.downcast_ref::<String>().map(String::as_str));
-                let text = text.or_else(|| panic.as_ref()?.downcast_ref::<&str>().copied()).unwrap_or("no message");
-                return Err(PyRuntimeError::new_err(format!("internal error: {text}")));
-            }
-            let mut checked = py.check_signals();
-            if let (Ok(()), Some(progress), true) = (&checked, progress, Instant::now() > next) {
+    let mut next = Instant::now() + PROGRESS_AFTER;
+    let mut check = || {
+        py.check_signals()?;
+        match progress {
+            Some(callable) if Instant::now() > next => {
                 next = Instant::now() + PROGRESS_EVERY;
-                checked = locked(&latest).clone().report_to(py, progress);
+                locked(&latest).clone().report_to(py, callable)
             }
-            if let Err(error) = checked {
-                is_stopped.store(true, Ordering::Relaxed);
-                py.detach(|| drop(handle.join()));
-                return Err(error);
+            _ => Ok(()),
+        }
+    };
+    let (sender, mut receiver) = channel();
+    std::thread::scope(|scope| {
+        let monitor = &report;
+        scope.spawn(move || {
+            let result = catch_unwind(AssertUnwindSafe(|| on_live_threads(|| compute(monitor))));
+            // The receiver waits for it.
+            let _ = sender.send(result);
+        });
+        let mut failure = None;
+        loop {
+            let receiver = &mut receiver;
+            match (py.detach(move || receiver.recv_timeout(CHECK_AFTER)), &failure) {
+                (Ok(result), None) => break result.map_err(panicked)??.map_err(failed),
+                (Err(RecvTimeoutError::Timeout), None) => {
+                    failure = check().inspect_err(|_| is_stopped.store(true, Ordering::Relaxed)).err();
+                }
+                (Err(RecvTimeoutError::Timeout), Some(_)) => {}
+                (_, _) => break Err(failure.unwrap_or_else(|| PyRuntimeError::new_err("internal error: no result"))),
             }
         }
     })
+}
+
+/// Returns the exception for a panic, which is a defect of this package.
+fn panicked(panic: Box<dyn Any + Send>) -> PyErr {
+    let text = panic.downcast_ref::<String>().map(String::as_str).or_else(|| panic.downcast_ref::<&str>().copied());
+    PyRuntimeError::new_err(format!("internal error: {}", text.unwrap_or_default()))
 }
 
 /// The latest progress of a computation.
@@ -161,7 +166,7 @@ pub fn work_on<S: Send, T: Send>(
     .map_err(failed)
 }
 
-/// Locks what a thread shares. A panic of another thread does not end this one.
+/// Locks an object that threads share. If another thread panicked while it held the lock, this thread continues.
 pub fn locked<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
     shared.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
 }
