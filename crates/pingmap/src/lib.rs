@@ -1,8 +1,8 @@
 //! Learn, while under way, the probability that a message from here reaches there.
 //!
-//! The command-line interface as a library. The library parses arguments, calls the crates below, and writes text and
-//! figures. [`main`] is the program. [`run`] runs one command in the process and writes its results to any writer.
-//! [`run_until`] also lets another thread stop the command.
+//! The command-line interface as a library. The library parses arguments and calls the crates below. It writes text
+//! and figures. [`main`] is the program. [`run`] runs one command in the process and writes its results to any writer.
+//! [`run_until`] does the same until another thread stops it.
 //!
 //! ```
 //! let mut results = Vec::new();

@@ -44,7 +44,7 @@ pub struct MainArea {
 }
 
 impl MainArea {
-    /// Returns the main area of `positions`. O(n log n).
+    /// Returns the main area of `positions`. O(n).
     pub fn of(positions: &[Position]) -> Self {
         let coordinate = |of: fn(&Position) -> f64| median(positions.iter().map(of).collect());
         let middle = Position::new(coordinate(|position| position.east_m), coordinate(|position| position.north_m));
@@ -60,8 +60,8 @@ impl MainArea {
 
 /// Returns the upper median, or 0 without values.
 fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
+    let middle = values.len() / 2;
+    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
 }
 
 fn distance_m(a: &Position, b: &Position) -> f64 {

@@ -185,9 +185,11 @@ impl<'a> Shard<'a> {
     pub fn contribute(&mut self, request: &ShardRequest) -> Result<ShardContribution> {
         let result = match &request.task {
             Task::Begin => {
-                let walk = self.begin()?;
-                self.set_initial_tilts();
-                Contribution::Walk(walk)
+                // A new shard has the initial tilts.
+                if self.moments_at.is_some() {
+                    self.set_initial_tilts();
+                }
+                Contribution::Walk(self.begin()?)
             }
             Task::Walk(posteriors) => {
                 self.move_to(posteriors)?;
