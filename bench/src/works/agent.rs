@@ -51,7 +51,7 @@ fn links(count: usize, seed: u64) -> Vec<Link> {
 pub fn next_frame(bytes: usize) -> Box<dyn FnMut() -> f64> {
     let agent = agent(bytes);
     Box::new(move || {
-        let frame = agent.clone().next_frame(Some(1e4), bytes).expect("a frame").expect("data to send");
+        let frame = agent.clone().next_frame(Some(1e4), bytes).expect("a frame").expect("data to send").bytes;
         frame.len() as f64
     })
 }

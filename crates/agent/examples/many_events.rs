@@ -60,11 +60,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     timed("first refit", || agent.refit())?;
     let links: Vec<Link> = (0..1000).map(|n| event(n).link).collect();
     timed("1000 queries", || agent.predict(&links, Which::Fused))?;
-    (0..65).try_for_each(|n| agent.record([event(count + n)]))?;
+    (0..65).try_for_each(|n| agent.record([event(count + n)]).map(drop))?;
     timed("refit after 65 more", || agent.refit())?;
     timed("1000 queries", || agent.predict(&links, Which::Fused))?;
     let frame = timed("next frame", || agent.next_frame(None, 32))?;
-    println!("frame: {:?} bytes", frame.map(|bytes| bytes.len()));
+    println!("frame: {:?} bytes", frame.map(|frame| frame.bytes.len()));
     let snapshot = timed("snapshot", || agent.snapshot());
     println!("{} bytes", snapshot.len());
     timed("restore", || Agent::restore(names[0].clone(), team, AgentOptions::default(), &snapshot))?;

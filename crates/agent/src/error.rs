@@ -56,6 +56,24 @@ pub enum AgentError {
     /// The number of an entry is out of bounds.
     #[error("the number of an entry must be below 2^48, found {0}")]
     NumberTooLarge(u64),
+    /// The bytes are not an entry of a journal.
+    #[error("not an entry of a journal: {problem}")]
+    Entry {
+        /// Description of the problem.
+        problem: String,
+    },
+    /// The vehicle is not another member of the team.
+    #[error("{0} is not another member of the team")]
+    NotAPeer(VehicleId),
+    /// The time has no numbered slot.
+    #[error("the schedule has no numbered slot at {time_s} s")]
+    NoSlot {
+        /// The time, in seconds.
+        time_s: f64,
+    },
+    /// The vehicle proposed no frame with this number, or does not store it any more.
+    #[error("no stored frame has the transmission number {0}")]
+    NoSuchFrame(u64),
     /// The alternative model has another chart origin than the team's model, or only one of both has depths.
     #[error("the alternative model must have the chart origin and the depth columns of the team's model")]
     DifferentInputs,

@@ -52,9 +52,9 @@ fn main() {
 fn exclude(fleet: &mut [Agent], link: &Link) {
     let mut listener = fleet[0].clone();
     let query_ms = |listener: &mut Agent| 1e3 * timed(|| listener.probability(link).unwrap()).1;
-    let honest = fleet[2].next_frame(Some(1.0), 32).unwrap();
+    let honest = fleet[2].next_frame(Some(1.0), 32).unwrap().map(|frame| frame.bytes);
     let lie = lie(&mut fleet[1]);
-    assert_eq!(listener.receive(&lie, Some(0.0)), Receipt::Accepted);
+    assert_eq!(listener.receive(&lie, Some(0.0)).receipt, Receipt::Accepted);
     let lie_ms = query_ms(&mut listener);
     let status = listener.status();
     let excluded: Vec<_> = status
@@ -74,7 +74,11 @@ fn exclude(fleet: &mut [Agent], link: &Link) {
 
 /// Returns the next packet of a vehicle with reversed means and the highest level of information.
 fn lie(agent: &mut Agent) -> Vec<u8> {
-    let honest = agent.next_frame(Some(1.0), 32).unwrap().unwrap_or_else(|| panic!("the vehicle has no packet left"));
+    let honest = agent
+        .next_frame(Some(1.0), 32)
+        .unwrap()
+        .map(|frame| frame.bytes)
+        .unwrap_or_else(|| panic!("the vehicle has no packet left"));
     let (layout, mut message) = agent.codec().read(&honest).unwrap();
     for point in message.blocks.iter_mut().flat_map(|block| &mut block.points) {
         (point.information, point.mean) = (31, if point.mean > 0 { -15 } else { 15 });
@@ -98,14 +102,14 @@ fn report(fleet: &mut [Agent], round: usize, (send_ms, receive_us): (f64, f64), 
 }
 
 fn send(fleet: &mut [Agent]) -> Vec<Option<Vec<u8>>> {
-    fleet.par_iter_mut().map(|agent| agent.next_frame(Some(0.0), 32).unwrap()).collect()
+    fleet.par_iter_mut().map(|agent| agent.next_frame(Some(0.0), 32).unwrap().map(|frame| frame.bytes)).collect()
 }
 
 fn deliver(fleet: &mut [Agent], packets: &[Option<Vec<u8>>]) {
     fleet.par_iter_mut().enumerate().for_each(|(receiver, agent)| {
         let others = packets.iter().enumerate().filter(|(sender, _)| *sender != receiver);
         for packet in others.filter_map(|(_, packet)| packet.as_ref()) {
-            let receipt = agent.receive(packet, Some(0.0));
+            let receipt = agent.receive(packet, Some(0.0)).receipt;
             assert_eq!(receipt, Receipt::Accepted);
         }
     });

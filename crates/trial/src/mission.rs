@@ -268,7 +268,7 @@ pub fn send_frames(agent: &mut Agent, frames: usize) -> Result<Vec<Vec<u8>>, Age
         while packets.len() < frames
             && let Some(packet) = agent.next_frame(None, agent.team().frame_bytes)?
         {
-            packets.push(packet);
+            packets.push(packet.bytes);
         }
     }
     Ok(packets)

@@ -195,7 +195,7 @@ impl<'a> Run<'a> {
         };
         if let Some(packet) = &packet {
             *self.online.packets.entry(sender.clone()).or_default() += 1;
-            self.online.bytes += packet.len();
+            self.online.bytes += packet.bytes.len();
         }
         self.apply(events)?;
         for event in events.iter().filter(|event| event.success) {
@@ -203,7 +203,7 @@ impl<'a> Run<'a> {
                 if let Some(bits) = recent {
                     agent.receive_piggyback(sender, time_s, bits, n_bits);
                 }
-                packet.as_ref().map(|packet| agent.receive(packet, Some(time_s)))
+                packet.as_ref().map(|packet| agent.receive(&packet.bytes, Some(time_s)).receipt)
             });
         }
         Ok(())

@@ -138,7 +138,7 @@ impl Agent {
     #[pyo3(signature = (frame, time_s))]
     fn receive(&self, py: Python<'_>, frame: &[u8], time_s: Option<f64>) -> PyResult<Option<String>> {
         self.with(py, |agent| {
-            Ok(match agent.receive(frame, time_s) {
+            Ok(match agent.receive(frame, time_s).receipt {
                 Receipt::Accepted => None,
                 Receipt::Refused(refusal) => Some(refusal.to_string()),
             })
@@ -154,7 +154,7 @@ impl Agent {
         frame_bytes: usize,
     ) -> PyResult<Option<Bound<'py, PyBytes>>> {
         let frame = self.with(py, |agent| agent.next_frame(time_s, frame_bytes))?;
-        Ok(frame.map(|frame| PyBytes::new(py, &frame)))
+        Ok(frame.map(|frame| PyBytes::new(py, &frame.bytes)))
     }
 
     /// Predicts links in CSV.

@@ -8,6 +8,7 @@ pub(crate) mod adapt;
 pub(crate) mod unknown_headings;
 pub(crate) mod status;
 pub(crate) mod receive;
+pub(crate) mod outcomes;
 pub(crate) mod sending;
 pub(crate) mod piggyback;
 pub(crate) mod prediction;

@@ -2,8 +2,10 @@
 
 use pingmap_packet::OutcomeBitmap;
 
+use crate::agent::receive::Reception;
 use crate::agent::state::Agent;
-use crate::codec::receipt::{Receipt, Refusal};
+use crate::codec::receipt::Refusal;
+use crate::store::entry::Entry;
 use crate::store::memory::Effect;
 use crate::types::event::VehicleId;
 
@@ -40,13 +42,19 @@ impl Agent {
     /// Stores the outcomes that a member piggybacked on a message, which was received at `time_s`. Slot numbers mean
     /// the latest slots with these numbers that had begun by then. The bits are not authenticated: a report about the
     /// same slot replaces them.
-    pub fn receive_piggyback(&mut self, sender: &VehicleId, time_s: f64, bits: u64, n_bits: usize) -> Receipt {
+    pub fn receive_piggyback(&mut self, sender: &VehicleId, time_s: f64, bits: u64, n_bits: usize) -> Reception {
         self.advance_clock(Some(time_s));
         let read = self.read_piggyback(time_s, bits, n_bits);
-        let effect = read.and_then(|(newest, outcomes)| self.memory.insert_piggyback(sender, newest, &outcomes));
+        let effect = match &read {
+            Ok((newest, outcomes)) => self.memory.insert_piggyback(sender, *newest, outcomes),
+            Err(refusal) => Err(refusal.clone()),
+        };
         let effect = effect.unwrap_or_else(Effect::refused);
         self.counts.count(&effect.receipt);
-        self.note_effect(effect)
+        let receipt = self.note_effect(effect);
+        let read = read.ok().filter(|_| receipt.is_stored());
+        let entry = read.map(|(newest, outcomes)| Entry::Piggyback { sender: sender.clone(), newest, outcomes });
+        Reception { receipt, entry }
     }
 
     fn read_piggyback(&self, time_s: f64, bits: u64, n_bits: usize) -> Result<(u32, Vec<bool>), Refusal> {

@@ -7,7 +7,26 @@ use crate::error::AgentError;
 use crate::send::delivery::DeliveryEstimate;
 use crate::send::report_planner::ReportPlanner;
 use crate::send::summary_planner::SummaryPlanner;
-use crate::store::entry::Entry;
+use crate::store::entry::{Entry, FrameState, check_time};
+
+/// A frame that [`Agent::next_frame`] proposes to the host.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ProposedFrame {
+    /// Number of frames proposed before it.
+    pub number: u64,
+    /// The vehicle's slot in which it is expected to leave, if known.
+    pub slot: Option<u32>,
+    /// Bytes of the frame.
+    pub bytes: Vec<u8>,
+}
+
+impl ProposedFrame {
+    /// Returns the entry for the journal of the host.
+    pub fn entry(&self) -> Entry {
+        let Self { number, slot, bytes } = self.clone();
+        Entry::Sent { number, state: FrameState::Proposed, slot, bytes }
+    }
+}
 
 impl Agent {
     /// Returns the next frame of at most `frame_bytes` bytes, and of at most the team's; `None` if nothing is worth a
@@ -16,12 +35,13 @@ impl Agent {
     /// The frame is a report as long as one is worth sending: single outcomes by slot, and the vehicle's track.
     /// Otherwise it is a summary of the events that no report can carry: those without a slot, and those before the
     /// report window. The method fits nothing; a host with time for [`Agent::refit`] calls it before. A host that can
-    /// lose its memory stores an [`Agent::snapshot`] or an [`Entry::Sent`] before the frame leaves, because a counter
-    /// must not be used twice.
+    /// lose its memory stores [`ProposedFrame::entry`] before the frame leaves, because a counter must not be used
+    /// twice. The frame counts as transmitted in the vehicle's slot at or after `time_s`, unless the host calls
+    /// [`Agent::frame_departed`] or [`Agent::frame_dropped`].
     ///
     /// # Errors
     /// [`AgentError::NotAMember`], [`AgentError::CountersUsedUp`], and [`AgentError::Team`] for a frame below 32 bytes.
-    pub fn next_frame(&mut self, time_s: Option<f64>, frame_bytes: usize) -> Result<Option<Vec<u8>>, AgentError> {
+    pub fn next_frame(&mut self, time_s: Option<f64>, frame_bytes: usize) -> Result<Option<ProposedFrame>, AgentError> {
         let sender = self.memory.own.ok_or_else(|| AgentError::NotAMember(self.id.clone()))?;
         let frame_bytes = frame_bytes.min(self.team().frame_bytes);
         let layout = self.team().layout(frame_bytes)?;
@@ -37,10 +57,46 @@ impl Agent {
             return Ok(None);
         };
         let number = self.memory.next_transmission_number();
-        self.memory.apply(Entry::Sent { number, slot, bytes: bytes.clone() })?;
+        let proposed = ProposedFrame { number, slot, bytes };
+        self.memory.apply(proposed.entry())?;
         self.data_changed();
         self.note_time(sender, time_s);
-        Ok(Some(bytes))
+        Ok(Some(proposed))
+    }
+
+    /// Records that a proposed frame left at a time. Returns the entry for the journal of the host.
+    ///
+    /// # Errors
+    /// [`AgentError::NoSuchFrame`] for a number that [`Agent::next_frame`] did not return, or whose frame is not stored
+    /// any more. [`AgentError::NoTime`] for a time that is not finite.
+    pub fn frame_departed(&mut self, number: u64, time_s: f64) -> Result<Entry, AgentError> {
+        check_time(time_s)?;
+        let slot = self.team().slots.sent_in(time_s, &self.id);
+        let entry = self.change_frame(number, FrameState::Departed, slot)?;
+        self.advance_clock(Some(time_s));
+        Ok(entry)
+    }
+
+    /// Records that a proposed frame did not leave and never will. It was delivered to no member, so its content is
+    /// worth sending again. Its counter stays used. Returns the entry for the journal of the host.
+    ///
+    /// # Errors
+    /// [`AgentError::NoSuchFrame`] as [`Agent::frame_departed`].
+    pub fn frame_dropped(&mut self, number: u64) -> Result<Entry, AgentError> {
+        self.change_frame(number, FrameState::Dropped, None)
+    }
+
+    fn change_frame(&mut self, number: u64, state: FrameState, slot: Option<u32>) -> Result<Entry, AgentError> {
+        match self.memory.frame_sent_as(number) {
+            Some(Entry::Sent { bytes, .. }) => {
+                let entry = Entry::Sent { number, state, slot, bytes };
+                self.memory.apply(entry.clone())?;
+                self.data_changed();
+                self.posteriors.nothing_to_send = None;
+                Ok(entry)
+            }
+            _ => Err(AgentError::NoSuchFrame(number)),
+        }
     }
 
     fn plan(&mut self, sender: u8, layout: &Layout, frame_bytes: usize) -> Result<Option<Vec<u8>>, AgentError> {

@@ -8,21 +8,22 @@ use crate::agent::options::AgentOptions;
 use crate::agent::state::Agent;
 use crate::error::AgentError;
 use crate::store::entry::Entry;
+use crate::store::entry_bytes::{read_entry, write_entry};
 use crate::team::canonical::{Reader, Writer, checksum};
 use crate::team::config::Team;
-use crate::types::event::{Event, Link, MessageKind, Position, VehicleId};
+use crate::types::event::{Event, Position, VehicleId};
 
 const MAGIC: &[u8; 8] = b"pingmapS";
 
 /// Version of a snapshot. Others are refused.
-const SNAPSHOT_VERSION: u16 = 6;
+const SNAPSHOT_VERSION: u16 = 7;
 
 const CHECK_BYTES: usize = 32;
 
 impl Agent {
-    /// Returns everything that the vehicle must not lose. The snapshot contains events, positions, received and sent
-    /// frames, piggybacked outcomes and unused slots. It also contains muted members, the latest counter of each
-    /// sender, and the clock. A learned model and the counts are not part of it. The snapshot ends with a checksum,
+    /// Returns everything that the vehicle must not lose. The snapshot contains events, outcomes, positions, received
+    /// and sent frames, piggybacked outcomes and unused slots. It also contains muted members, the latest counter of
+    /// each sender, and the clock. A learned model and the counts are not part of it. The snapshot ends with a checksum,
     /// which is keyed where the team has a key. It depends on the set of entries, not on their order.
     pub fn snapshot(&self) -> Vec<u8> {
         let mut out = Writer::default();
@@ -52,8 +53,8 @@ impl Agent {
     }
 
     /// Restores the vehicle of a snapshot. Under another team configuration, a new epoch for example, it keeps its
-    /// events and positions and begins to share again from nothing. Packets that cannot be decoded are left out and
-    /// counted in [`Status`](crate::Status). Fits nothing: see [`Agent::refit_due`].
+    /// events, outcomes and positions, and begins to share again from nothing. Packets that cannot be decoded are left
+    /// out and counted in [`Status`](crate::Status). Fits nothing: see [`Agent::refit_due`].
     ///
     /// # Errors
     /// [`AgentError::Snapshot`] for bytes that are no snapshot, damaged, of another vehicle, of another version, or
@@ -61,7 +62,7 @@ impl Agent {
     pub fn restore(id: VehicleId, team: Arc<Team>, options: AgentOptions, bytes: &[u8]) -> Result<Self, AgentError> {
         let wrong = |problem: String| AgentError::Snapshot { id: id.clone(), problem };
         let content = checked(bytes, team.key.as_ref()).map_err(wrong)?;
-        let Contents { vehicle, digest, latest, clock_s, muted, events, fixes, frames } =
+        let Contents { vehicle, digest, latest, clock_s, muted, events, fixes, outcomes, frames } =
             contents(content).ok_or_else(|| wrong("what it says makes no sense".into()))?;
         if vehicle != id.as_str() {
             return Err(wrong(format!("it is of {vehicle}")));
@@ -70,6 +71,9 @@ impl Agent {
         agent.advance_clock(Some(clock_s));
         agent.record_numbered(events)?;
         agent.record_positions(fixes)?;
+        for entry in outcomes {
+            agent.apply(entry)?;
+        }
         muted.iter().for_each(|member| agent.set_muted(member, true));
         if digest == agent.memory.codec.digest() {
             for (sender, latest) in latest {
@@ -91,6 +95,8 @@ struct Contents<'a> {
     muted: Vec<VehicleId>,
     events: Vec<(u64, Event)>,
     fixes: Vec<(f64, Position)>,
+    /// Own outcomes without positions, and positions of other members.
+    outcomes: Vec<Entry>,
     frames: Vec<Entry>,
 }
 
@@ -124,103 +130,14 @@ fn contents(bytes: &[u8]) -> Option<Contents<'_>> {
     let clock_s = reader.f64()?;
     let muted = (0..reader.u16()?).map(|_| Some(VehicleId::new(reader.text()?))).collect::<Option<_>>()?;
     // No list is made longer than the bytes that are there.
-    let (mut events, mut fixes, mut frames) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut events, mut fixes, mut outcomes, mut frames) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for _ in 0..reader.u64()? {
         match read_entry(&mut reader)? {
             Entry::Observed { number, event } => events.push((number, event)),
             Entry::Navigated { time_s, position } => fixes.push((time_s, position)),
+            entry @ (Entry::Outcome { .. } | Entry::PeerPosition { .. }) => outcomes.push(entry),
             frame => frames.push(frame),
         }
     }
-    reader.is_at_end().then_some(Contents { vehicle, digest, latest, clock_s, muted, events, fixes, frames })
-}
-
-fn write_entry(out: &mut Writer, entry: &Entry) {
-    match entry {
-        Entry::Observed { number, event } => {
-            out.u8(if event.kind.is_some() { 3 } else { 0 });
-            out.u64(*number);
-            write_event(out, event);
-        }
-        Entry::Navigated { time_s, position } => {
-            out.u8(4);
-            out.f64(*time_s);
-            write_position(out, position);
-        }
-        Entry::UnusedSlot { sender, slot } => {
-            out.u8(6);
-            out.text(sender.as_str());
-            out.u32(*slot);
-        }
-        Entry::Piggyback { sender, newest, outcomes } => {
-            out.u8(5);
-            out.text(sender.as_str());
-            out.u32(*newest);
-            out.bytes(&outcomes.iter().map(|&heard| heard.into()).collect::<Vec<u8>>());
-        }
-        // The snapshot holds the clock, so that times of reception are not needed.
-        Entry::Received { bytes, .. } => {
-            out.u8(1);
-            out.bytes(bytes);
-        }
-        Entry::Sent { number, slot, bytes } => {
-            out.u8(2);
-            out.u64(*number);
-            out.u8(slot.is_some().into());
-            slot.iter().for_each(|&slot| out.u32(slot));
-            out.bytes(bytes);
-        }
-    }
-}
-
-fn read_entry(reader: &mut Reader<'_>) -> Option<Entry> {
-    match reader.u8()? {
-        tag @ (0 | 3) => Some(Entry::Observed { number: reader.u64()?, event: read_event(reader, tag == 3)? }),
-        4 => Some(Entry::Navigated { time_s: reader.f64()?, position: read_position(reader)? }),
-        6 => Some(Entry::UnusedSlot { sender: VehicleId::new(reader.text()?), slot: reader.u32()? }),
-        5 => Some(Entry::Piggyback {
-            sender: VehicleId::new(reader.text()?),
-            newest: reader.u32()?,
-            outcomes: reader.bytes()?.iter().map(|&heard| (heard <= 1).then_some(heard == 1)).collect::<Option<_>>()?,
-        }),
-        1 => Some(Entry::Received { time_s: None, bytes: reader.bytes()?.to_vec() }),
-        2 => Some(Entry::Sent {
-            number: reader.u64()?,
-            slot: if reader.bool()? { Some(reader.u32()?) } else { None },
-            bytes: reader.bytes()?.to_vec(),
-        }),
-        _ => None,
-    }
-}
-
-/// Time, who sent, who should have heard it, whether it did, both ends, and the kind of message if it has one.
-fn write_event(out: &mut Writer, event: &Event) {
-    out.f64(event.time_s);
-    out.text(event.transmitter_id.as_str());
-    out.text(event.receiver_id.as_str());
-    out.u8(event.success.into());
-    event.link.ends().iter().for_each(|end| write_position(out, end));
-    event.kind.iter().for_each(|kind| out.text(kind.as_str()));
-}
-
-fn write_position(out: &mut Writer, position: &Position) {
-    out.f64(position.east_m);
-    out.f64(position.north_m);
-    out.option(position.depth_m);
-    out.option(position.heading_deg);
-}
-
-fn read_position(reader: &mut Reader<'_>) -> Option<Position> {
-    let (east_m, north_m) = (reader.f64()?, reader.f64()?);
-    Some(Position { east_m, north_m, depth_m: reader.option()?, heading_deg: reader.option()? })
-}
-
-fn read_event(reader: &mut Reader<'_>, has_kind: bool) -> Option<Event> {
-    let time_s = reader.f64()?;
-    let mut id = || Some(VehicleId::new(reader.text()?));
-    let (transmitter_id, receiver_id) = (id()?, id()?);
-    let success = reader.bool()?;
-    let link = Link { transmitter: read_position(reader)?, receiver: read_position(reader)? };
-    let kind = if has_kind { Some(MessageKind::new(reader.text()?)) } else { None };
-    Some(Event { time_s, transmitter_id, receiver_id, link, kind, success })
+    reader.is_at_end().then_some(Contents { vehicle, digest, latest, clock_s, muted, events, fixes, outcomes, frames })
 }

@@ -56,7 +56,7 @@ use crate::types::interrupt::Interrupt;
 /// // Bob knows where he was when he transmitted. The frame says where Alice was.
 /// let mut other = Agent::new(bob, team, AgentOptions::default());
 /// other.record_positions([0.0, 60.0].map(|time_s| (time_s, Position::new(0.0, 0.0))))?;
-/// assert_eq!(other.receive(&frame, Some(61.0)), Receipt::Accepted);
+/// assert_eq!(other.receive(&frame, Some(61.0)).receipt, Receipt::Accepted);
 /// assert_eq!(other.status().located_events, 3);
 /// assert!(other.probability(link(150.0))? > 0.5);
 /// assert!(other.probability(link(900.0))? < 0.5);
@@ -185,19 +185,21 @@ impl Agent {
     /// Records events of which the vehicle is the receiver, in any order. Beyond
     /// [`Limits::events_max`](crate::Limits::events_max) the events that were recorded first are forgotten, a sixteenth
     /// at a time. O(log N) for one event, O(N log N) for many. After [`Agent::average_with`] it also costs a
-    /// prediction of each event.
+    /// prediction of each event. Returns the entries for the journal of the host.
     ///
     /// # Errors
     /// [`AgentError::NotMine`] for an event of another receiver, unless [`AgentOptions::record_all_receivers`] is set.
     /// [`AgentError::NoTime`], [`AgentError::Nowhere`] and [`AgentError::NoHeading`] for numbers out of bounds.
     /// [`AgentError::Method`] for a numerical failure of that prediction. Then none is recorded.
-    pub fn record(&mut self, events: impl IntoIterator<Item = Event>) -> Result<(), AgentError> {
+    pub fn record(&mut self, events: impl IntoIterator<Item = Event>) -> Result<Vec<Entry>, AgentError> {
         let numbered: Vec<(u64, Event)> = (self.memory.events.next_number()..).zip(events).collect();
         numbered.iter().try_for_each(|(_, event)| self.check_receiver(event))?;
         let difference = self.score_difference(numbered.iter().map(|(_, event)| event))?;
+        let entries = numbered.iter().map(|(number, event)| Entry::Observed { number: *number, event: event.clone() });
+        let entries = entries.collect();
         self.record_numbered(numbered)?;
         self.posteriors.alternative.iter_mut().for_each(|alternative| alternative.add_score(difference));
-        Ok(())
+        Ok(entries)
     }
 
     pub(crate) fn record_numbered(&mut self, events: Vec<(u64, Event)>) -> Result<(), AgentError> {
@@ -210,26 +212,30 @@ impl Agent {
     }
 
     /// Records positions of the vehicle by time, from its navigation; one a slot is enough. The positions in its own
-    /// events are known without that. Reports need positions. O(N) for N positions.
+    /// events are known without that. Reports need positions. O(N) for N positions. Returns the entries for the journal
+    /// of the host.
     ///
     /// # Errors
     /// [`AgentError::NoTime`], [`AgentError::Nowhere`] and [`AgentError::NoHeading`] for numbers out of bounds;
     /// then none is recorded.
-    pub fn record_positions(&mut self, fixes: impl IntoIterator<Item = (f64, Position)>) -> Result<(), AgentError> {
+    pub fn record_positions(
+        &mut self,
+        fixes: impl IntoIterator<Item = (f64, Position)>,
+    ) -> Result<Vec<Entry>, AgentError> {
         let fixes: Vec<(f64, Position)> = fixes.into_iter().collect();
         self.memory.record_positions(&fixes)?;
         self.posteriors.nothing_to_send = None;
         self.data_changed();
         self.advance_clock(fixes.iter().map(|&(time_s, _)| time_s).reduce(f64::max));
-        Ok(())
+        Ok(fixes.into_iter().map(|(time_s, position)| Entry::Navigated { time_s, position }).collect())
     }
 
     /// Records that the vehicle did not transmit in its own slots at these times. Its next reports include that, so
-    /// that other members do not count these slots as missed.
+    /// that other members do not count these slots as missed. Returns the entries for the journal of the host.
     ///
     /// # Errors
     /// [`AgentError::NotMyTurn`] for a time outside the vehicle's own slots; then nothing is recorded.
-    pub fn record_unused_slots(&mut self, times_s: impl IntoIterator<Item = f64>) -> Result<(), AgentError> {
+    pub fn record_unused_slots(&mut self, times_s: impl IntoIterator<Item = f64>) -> Result<Vec<Entry>, AgentError> {
         let id = self.id.clone();
         let slot = |time_s: f64| {
             let slot = self.memory.own.and_then(|_| self.team().slots.sent_in(time_s, &id));
@@ -239,7 +245,7 @@ impl Agent {
         let effect = self.memory.insert_unused_slots(&id, &slots).unwrap_or_else(Effect::refused);
         self.note_effect(effect);
         self.posteriors.nothing_to_send = None;
-        Ok(())
+        Ok(slots.into_iter().map(|slot| Entry::UnusedSlot { sender: id.clone(), slot }).collect())
     }
 
     /// Advances the clock to a time, if it is known and finite. Frames that waited for it count from now on.
@@ -274,10 +280,15 @@ impl Agent {
         if let Entry::Observed { event, .. } = &entry {
             self.check_receiver(event)?;
         }
-        let is_frame = !matches!(entry, Entry::Observed { .. } | Entry::Navigated { .. });
+        let is_frame = !matches!(
+            entry,
+            Entry::Observed { .. } | Entry::Navigated { .. } | Entry::Outcome { .. } | Entry::PeerPosition { .. }
+        );
         let time_s = match &entry {
             Entry::Observed { event, .. } => Some(event.time_s),
-            Entry::Navigated { time_s, .. } => Some(*time_s),
+            Entry::Navigated { time_s, .. } | Entry::Outcome { time_s, .. } | Entry::PeerPosition { time_s, .. } => {
+                Some(*time_s)
+            }
             Entry::Received { time_s, .. } => *time_s,
             Entry::Sent { .. } | Entry::UnusedSlot { .. } | Entry::Piggyback { .. } => None,
         };

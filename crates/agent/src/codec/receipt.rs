@@ -12,6 +12,12 @@ pub enum Receipt {
 }
 
 impl Receipt {
+    /// Returns whether the content is stored: it counts, it may count later, or it shows a conflict.
+    pub(crate) fn is_stored(&self) -> bool {
+        let waits = matches!(self, Receipt::Refused(Refusal::SlotAhead { .. } | Refusal::CounterAhead { .. }));
+        waits || self.changes_memory()
+    }
+
     /// Returns whether the memory may have changed. Damaged, foreign and repeated frames leave it as it was.
     pub(crate) fn changes_memory(&self) -> bool {
         !matches!(

@@ -117,7 +117,7 @@ impl SentReport {
     fn new(memory: &Memory, sender: u8, receivers: &[Option<u8>], stored: &StoredReport) -> Self {
         let mut p_lost = vec![1.0; receivers.len()];
         let mut transmissions = 0;
-        for Transmission { slot, .. } in stored.sent.iter() {
+        for Transmission { slot, .. } in stored.sent.undropped() {
             // The host reported later that it did not transmit this frame.
             if slot.is_some_and(|slot| memory.reports.is_unused(sender, slot)) {
                 continue;

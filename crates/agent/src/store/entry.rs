@@ -26,6 +26,28 @@ pub enum Entry {
         /// Position in the chart's reference system.
         position: Position,
     },
+    /// Whether the vehicle heard a message of another member, without the positions of the ends. It counts as an event
+    /// as soon as both positions are known by a rule that does not depend on the outcome: see
+    /// [`Agent::record_outcome`](crate::Agent::record_outcome).
+    Outcome {
+        /// Time of transmission, in seconds.
+        time_s: f64,
+        /// The member that transmitted.
+        transmitter_id: VehicleId,
+        /// Whether the vehicle heard the message.
+        success: bool,
+    },
+    /// A position of another member that the host knows.
+    PeerPosition {
+        /// The member.
+        member: VehicleId,
+        /// Time in seconds.
+        time_s: f64,
+        /// Position in the chart's reference system.
+        position: Position,
+        /// Whether the host knows it whether or not the vehicle receives the member.
+        is_independent: bool,
+    },
     /// A slot in which its member did not transmit.
     UnusedSlot {
         /// Member that the slot belongs to.
@@ -49,10 +71,13 @@ pub enum Entry {
         /// Bytes of the frame.
         bytes: Vec<u8>,
     },
-    /// A frame that the vehicle transmitted, for the first time or again.
+    /// A frame that the vehicle proposed to its host, and what the host reported about it. Of several entries with one
+    /// number, the one with the latest [`FrameState`] counts.
     Sent {
-        /// Number of frames transmitted before it.
+        /// Number of frames proposed before it.
         number: u64,
+        /// State of the frame.
+        state: FrameState,
         /// The slot of the transmission, if it is one of the vehicle's own; see
         /// [`Slots::next_slot`](crate::Slots::next_slot). A report that lists this slot as heard acknowledges the
         /// frame.
@@ -60,6 +85,17 @@ pub enum Entry {
         /// Bytes of the frame.
         bytes: Vec<u8>,
     },
+}
+
+/// State of a frame that the vehicle proposed to its host.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum FrameState {
+    /// The host has it, and has not reported its departure. It counts as transmitted.
+    Proposed,
+    /// It never left. No member received it, but its counter stays used.
+    Dropped,
+    /// It left.
+    Departed,
 }
 
 /// Checks the number of an entry.

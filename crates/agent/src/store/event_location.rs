@@ -8,6 +8,7 @@ use std::sync::{Arc, OnceLock};
 use crate::codec::decoded::EventKey;
 use crate::codec::team_codec::TeamCodec;
 use crate::store::events::Events;
+use crate::store::peer_positions::{PeerPositions, PeerTracks};
 use crate::store::position_check::{members_with_wrong_tracks, reported_position};
 use crate::store::reports::{EVERY_SLOT, ReportedOutcome, Reports};
 use crate::store::slot_evidence::SlotEvidence;
@@ -143,6 +144,17 @@ impl CacheHorizon {
     }
 }
 
+/// The source of an outcome, which decides how its ends are located.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum OutcomeSource {
+    /// A report of another member.
+    Report,
+    /// Bits that another member piggybacked.
+    Piggyback,
+    /// The vehicle itself, without the positions of the ends.
+    Own,
+}
+
 /// Sources of the positions of all members.
 struct PositionSources<'a> {
     codec: &'a TeamCodec,
@@ -155,32 +167,50 @@ struct PositionSources<'a> {
     track: Track,
     /// Positions of other members when they transmitted, from the vehicle's own events, heard and missed alike.
     observed: BTreeMap<u8, Track>,
+    /// Positions of other members that the host knows.
+    peers: BTreeMap<u8, PeerTracks>,
 }
 
-/// Locates the events that other members reported. Positions of both ends come from reported tracks and from the
-/// vehicle's own track. For piggybacked outcomes, and for members whose tracks are wrong, they come from the
-/// transmitter positions in the vehicle's own events. Neither depends on the outcome. Events in slots without change
+/// Locates the events that other members reported, and own outcomes without positions. Positions of both ends come from
+/// reported tracks and from the vehicle's own track. For piggybacked outcomes, and for members whose tracks are wrong,
+/// they come from the transmitter positions in the vehicle's own events. For own outcomes they come first from the
+/// positions that the host knows. None of these depends on the outcome. Events in slots without change
 /// stay as they were, unless own events give positions. O(own positions + remote events), and a logarithm for each
 /// change.
-pub(crate) fn locate_events(evidence: SlotEvidence<'_>, track: Track, previous: &Previous) -> LocatedEvents {
-    let SlotEvidence { codec, own, events, reports, muted, .. } = evidence;
+pub(crate) fn locate_events(
+    evidence: SlotEvidence<'_>,
+    track: Track,
+    peers: &PeerPositions,
+    previous: &Previous,
+) -> LocatedEvents {
+    let SlotEvidence { codec, own, events, outcomes, reports, muted, .. } = evidence;
+    let peers = peers.tracks();
     let mut wrong_tracks = members_with_wrong_tracks(codec, events, reports);
     wrong_tracks.retain(|member| !muted.contains(member));
     let has_piggybacked = evidence.others().any(|sender| reports.piggybacked(sender).next().is_some());
-    let uses_observed = has_piggybacked || !wrong_tracks.is_empty();
+    let own_outcomes = own.filter(|_| outcomes.iter().len() > 0);
+    let uses_observed = has_piggybacked || !wrong_tracks.is_empty() || own_outcomes.is_some();
     let horizon = if uses_observed { None } else { horizon(&evidence, &track) };
     let is_same = !uses_observed && wrong_tracks == previous.located.wrong_tracks;
     let changed: &[Range<u32>] = if is_same { &previous.changed } else { &[EVERY_SLOT] };
     let (mut located, mut unlocated) = previous.located.outside(changed);
-    let observed = if uses_observed { observed_positions(codec, events) } else { BTreeMap::new() };
-    let sources = PositionSources { codec, reports, own, muted, wrong_tracks: &wrong_tracks, track, observed };
-    let outcomes = evidence.others().flat_map(|receiver| {
-        let outcomes = changed.iter().flat_map(move |slots| reports.outcomes(receiver, slots.clone()));
-        outcomes.map(move |(slot, outcome, is_piggybacked)| ((receiver, slot), outcome, is_piggybacked))
+    let observed = if uses_observed { observed_positions(codec, events, &peers) } else { BTreeMap::new() };
+    let sources = PositionSources { codec, reports, own, muted, wrong_tracks: &wrong_tracks, track, observed, peers };
+    let reported = evidence.others().flat_map(|receiver| {
+        let reported = changed.iter().flat_map(move |slots| reports.outcomes(receiver, slots.clone()));
+        reported.map(move |(slot, outcome, is_piggybacked)| {
+            let source = if is_piggybacked { OutcomeSource::Piggyback } else { OutcomeSource::Report };
+            ((receiver, slot), outcome, source)
+        })
     });
-    for (key, outcome, is_piggybacked) in outcomes.filter(|&(key, ..)| events.in_slot(key).next().is_none()) {
+    let recorded = own_outcomes.into_iter().flat_map(|own| {
+        let recorded = changed.iter().flat_map(|slots| outcomes.in_slots(slots.clone()));
+        recorded.map(move |(slot, outcome)| ((own, slot), outcome, OutcomeSource::Own))
+    });
+    let all = reported.chain(recorded);
+    for (key, outcome, source) in all.filter(|&(key, ..)| events.in_slot(key).next().is_none()) {
         let Some((transmitter, success)) = opportunity(&evidence, key, outcome) else { continue };
-        match sources.event(transmitter, key, success, is_piggybacked) {
+        match sources.event(transmitter, key, success, source) {
             Some(event) => drop(located.insert(key, previous.located.shared(&key, event))),
             None => drop(unlocated.insert(key)),
         }
@@ -212,11 +242,17 @@ fn opportunity(evidence: &SlotEvidence<'_>, key: EventKey, outcome: ReportedOutc
         ReportedOutcome::Contradictory => return None,
     };
     let counts = evidence.is_transmission(transmitter, key.1) && evidence.keeps_slots(key.0, key.1);
-    (counts && evidence.keeps_slots(transmitter, key.1)).then_some((transmitter, success))
+    let keeps_slots = match Some(key.0) == evidence.own {
+        true => evidence.arrives_in_slots(transmitter, key.1),
+        false => evidence.keeps_slots(transmitter, key.1),
+    };
+    (counts && keeps_slots).then_some((transmitter, success))
 }
 
-fn observed_positions(codec: &TeamCodec, events: &Events) -> BTreeMap<u8, Track> {
-    let mut observed = BTreeMap::<u8, Vec<(f64, Position)>>::new();
+/// Returns the positions of other members when they transmitted, and those that the host knows.
+fn observed_positions(codec: &TeamCodec, events: &Events, peers: &BTreeMap<u8, PeerTracks>) -> BTreeMap<u8, Track> {
+    let known = |(&member, tracks): (&u8, &PeerTracks)| (member, tracks.all.clone().into_fixes());
+    let mut observed: BTreeMap<u8, Vec<(f64, Position)>> = peers.iter().map(known).collect();
     for event in events.iter() {
         if let Some(member) = codec.team.number(&event.transmitter_id) {
             observed.entry(member).or_default().push((event.time_s, event.link.transmitter));
@@ -226,16 +262,25 @@ fn observed_positions(codec: &TeamCodec, events: &Events) -> BTreeMap<u8, Track>
 }
 
 impl PositionSources<'_> {
-    fn event(&self, transmitter: u8, (receiver, slot): EventKey, success: bool, is_piggybacked: bool) -> Option<Event> {
+    fn event(
+        &self,
+        transmitter: u8,
+        (receiver, slot): EventKey,
+        success: bool,
+        source: OutcomeSource,
+    ) -> Option<Event> {
         let team = &self.codec.team;
         let time_s = team.slots.begin_s(slot)?;
         let at = |member: u8| {
-            let position = match Some(member) == self.own {
-                true => self.track.at(time_s)?,
-                false if is_piggybacked || self.wrong_tracks.contains(&member) => {
+            let position = match (source, self.wrong_tracks.contains(&member)) {
+                _ if Some(member) == self.own => self.track.at(time_s)?,
+                (OutcomeSource::Own, _) => {
+                    self.known_at(member, slot, time_s).or_else(|| self.reported_at(member, slot))?
+                }
+                (OutcomeSource::Piggyback, _) | (OutcomeSource::Report, true) => {
                     self.observed_at(member, time_s).or_else(|| self.reported_at(member, slot))?
                 }
-                false => self.reported_at(member, slot)?,
+                (OutcomeSource::Report, false) => self.reported_at(member, slot)?,
             };
             (position.depth_m.is_some() || !team.model.inputs.has_depths()).then_some(position)
         };
@@ -252,6 +297,13 @@ impl PositionSources<'_> {
     fn reported_at(&self, member: u8, slot: u32) -> Option<Position> {
         let is_used = !self.muted.contains(&member) && !self.wrong_tracks.contains(&member);
         is_used.then(|| reported_position(self.codec, self.reports, member, slot)).flatten()
+    }
+
+    /// Returns the position that the host knows, by a rule that does not depend on whether the vehicle heard the slot.
+    fn known_at(&self, member: u8, slot: u32, time_s: f64) -> Option<Position> {
+        let Self { codec, peers, .. } = self;
+        let end_s = codec.team.slots.next_begin_s(slot)?;
+        peers.get(&member)?.at(time_s, end_s, 2.0 * codec.team.extrapolation_s_max)
     }
 
     /// Returns the position between two observed positions, if these are close in time. The path between them need not

@@ -16,9 +16,11 @@ use crate::store::clock::{Clock, FrameNumber};
 use crate::store::entry::{Entry, check_event, check_number, check_position, check_time};
 use crate::store::event_location::{LocatedEventCache, LocatedEvents, locate_events};
 use crate::store::events::{EventChange, Events, RecordedEvent};
-use crate::store::packets::{Packets, Transmission, TransmissionTimes, Version};
+use crate::store::own_outcomes::{OutcomeEffect, OwnOutcomes};
+use crate::store::packets::{Packets, Transmission, Transmissions, Version};
+use crate::store::peer_positions::PeerPositions;
 use crate::store::reports::{EVERY_SLOT, ReportedOutcome, Reports};
-use crate::store::slot_conformance::SlotConformance;
+use crate::store::slot_conformance::{SlotConformance, WITHOUT_EVENT};
 use crate::store::slot_evidence::SlotEvidence;
 use crate::track::position_track::Track;
 use crate::types::event::{Event, Position, VehicleId};
@@ -42,7 +44,10 @@ pub(crate) struct Memory {
     fixes: Vec<(f64, Position)>,
     pub(crate) packets: Packets,
     pub(crate) reports: Reports,
-    /// Located events of other members, derived from all other fields.
+    /// Own outcomes without positions.
+    pub(crate) outcomes: OwnOutcomes,
+    peers: PeerPositions,
+    /// Located events of other members and own outcomes, derived from all other fields.
     located: LocatedEventCache,
 }
 
@@ -73,6 +78,8 @@ impl Memory {
             events: Events::new(team.limits.events_max),
             packets: Packets::new(team.packets_per_sender_max),
             reports: Reports::new(team.reports_per_sender_max, team.limits.report_window_slots),
+            outcomes: OwnOutcomes::new(team.limits.events_max),
+            peers: PeerPositions::new(team.limits.events_max),
             clock: Clock::new(&team.slots),
             codec,
             own,
@@ -96,13 +103,22 @@ impl Memory {
                 self.record_positions(&[(time_s, position)])?;
                 Ok(Effect::of_own_data(EventChange::default()))
             }
+            Entry::Outcome { time_s, transmitter_id, success } => {
+                check_time(time_s)?;
+                self.insert_outcome(&transmitter_id, time_s, success)
+            }
+            Entry::PeerPosition { member, time_s, position, is_independent } => {
+                check_time(time_s)?;
+                check_position(&position)?;
+                self.insert_peer_position(&member, time_s, position, is_independent)
+            }
             Entry::UnusedSlot { sender, slot } => self.insert_unused_slots(&sender, &[slot]),
             Entry::Piggyback { sender, newest, outcomes } => self.insert_piggyback(&sender, newest, &outcomes),
             Entry::Received { bytes, .. } => self.insert_frame(&bytes, None),
-            Entry::Sent { number, slot, bytes } => {
+            Entry::Sent { number, state, slot, bytes } => {
                 check_number(number)?;
                 let slot = slot.filter(|&slot| self.codec.is_slot_of(slot, self.own_id()));
-                self.insert_frame(&bytes, Some(Transmission { number, slot }))
+                self.insert_frame(&bytes, Some(Transmission { number, state, slot }))
             }
         };
         Ok(applied.unwrap_or_else(Effect::refused))
@@ -123,26 +139,15 @@ impl Memory {
             check_number(*number)?;
             check_event(event)?;
         }
-        let own_id = self.own_id().cloned();
         let recorded = |(number, event)| RecordedEvent { number, key: self.codec.slot_of(&event), event };
         let change = self.events.insert(new.into_iter().map(recorded).collect());
         let mut spans = Vec::new();
-        let team = self.codec.team.clone();
-        let is_compared = |recorded: &&RecordedEvent| {
-            own_id.as_ref() == Some(&recorded.event.receiver_id) && team.is_member(&recorded.event.transmitter_id)
-        };
         if change.forgotten > 0 {
             let first = self.events.first_number();
             Arc::make_mut(&mut self.excluded).retain(|&number| number >= first);
-            self.conformance = SlotConformance::default();
-            for recorded in self.events.recorded().iter().filter(is_compared) {
-                self.conformance.insert(&team.slots, recorded.number, &recorded.event);
-            }
-            spans.extend((!self.conformance.is_clean() || !self.excluded.is_empty()).then_some(ALL_TIMES));
+            spans.extend(self.compare_all_with_schedule());
         } else {
-            for recorded in change.new.iter().filter(is_compared) {
-                spans.extend(self.conformance.insert(&team.slots, recorded.number, &recorded.event));
-            }
+            spans.extend(change.new.iter().filter_map(|recorded| self.compare_with_schedule(recorded)));
         }
         let is_before_horizon = |recorded: &RecordedEvent| {
             self.located.is_before_horizon(recorded.event.time_s, recorded.key.map(|key| key.1))
@@ -173,6 +178,27 @@ impl Memory {
         Ok(self.reassess(change, &spans))
     }
 
+    /// Compares all own outcomes with the schedule again. Returns the times between which own events may change.
+    fn compare_all_with_schedule(&mut self) -> Option<(f64, f64)> {
+        self.conformance = SlotConformance::default();
+        for recorded in self.events.clone().recorded() {
+            self.compare_with_schedule(recorded);
+        }
+        for outcome in self.outcomes.iter() {
+            let at = (outcome.time_s.0, WITHOUT_EVENT);
+            self.conformance.insert(&self.codec.team.slots, &outcome.transmitter_id, at, outcome.success);
+        }
+        (!self.conformance.is_clean() || !self.excluded.is_empty()).then_some(ALL_TIMES)
+    }
+
+    /// Compares an event of the vehicle with the schedule. Returns the times between which own events may change.
+    fn compare_with_schedule(&mut self, RecordedEvent { number, event, .. }: &RecordedEvent) -> Option<(f64, f64)> {
+        let team = &self.codec.team;
+        let is_compared = self.own_id() == Some(&event.receiver_id) && team.is_member(&event.transmitter_id);
+        let at = (event.time_s, *number);
+        is_compared.then(|| self.conformance.insert(&team.slots, &event.transmitter_id, at, event.success)).flatten()
+    }
+
     /// Compares the claims of a member about these slots with the vehicle's own receptions. Returns whether its claims
     /// no longer count from now on. O(members log N) for each slot.
     fn check_claims(&mut self, member: u8, slots: &[u32]) -> bool {
@@ -196,8 +222,10 @@ impl Memory {
 
     fn is_contradicted_claim(&self, member: u8, slot: u32) -> bool {
         let mut receivers = self.codec.team.members.keys();
+        let is_heard = || self.outcomes.has_heard(slot);
         self.reports.is_unused(member, slot)
-            && receivers.any(|&receiver| self.events.in_slot((receiver, slot)).any(|(_, success)| success))
+            && (is_heard()
+                || receivers.any(|&receiver| self.events.in_slot((receiver, slot)).any(|(_, success)| success)))
     }
 
     /// Ignores a member, or uses its data again.
@@ -248,7 +276,21 @@ impl Memory {
             let (receiver, slot) = recorded.key?;
             (receiver == own).then_some((slot, recorded.event.success))
         };
-        conforming.filter_map(outcome).collect()
+        // An event of a slot replaces an outcome without positions.
+        self.outcomes_without_events(own, time_s).chain(conforming.filter_map(outcome)).collect()
+    }
+
+    /// Returns the own outcomes without positions, in slots from a time on of members that conform to the schedule.
+    fn outcomes_without_events(&self, own: u8, time_s: f64) -> impl Iterator<Item = (u32, bool)> {
+        let slots = &self.codec.team.slots;
+        let first = slots.number(time_s).unwrap_or(0);
+        let range = if Some(own) == self.own { first..u32::MAX } else { 0..0 };
+        self.outcomes.in_slots(range).filter_map(move |(slot, outcome)| {
+            let begin_s = slots.begin_s(slot).filter(|&begin_s| begin_s >= time_s)?;
+            let keeps_slots = !self.conformance.is_out_of_slot(slots.sender(slot)?, begin_s);
+            let is_known = outcome != ReportedOutcome::Contradictory;
+            (keeps_slots && is_known).then_some((slot, outcome == ReportedOutcome::Heard))
+        })
     }
 
     /// Returns the own events that count, in canonical order.
@@ -272,6 +314,48 @@ impl Memory {
 
     fn number(&self, id: &VehicleId) -> Result<u8, Refusal> {
         self.codec.team.number(id).ok_or_else(|| Refusal::NoMember(id.clone()))
+    }
+
+    /// Returns the number of another member.
+    fn peer_number(&self, id: &VehicleId) -> Result<u8, Refusal> {
+        self.number(id).and_then(|number| if Some(number) == self.own { Err(Refusal::OwnReport) } else { Ok(number) })
+    }
+
+    /// Stores whether the vehicle heard a message of another member.
+    fn insert_outcome(&mut self, transmitter: &VehicleId, time_s: f64, success: bool) -> Result<Effect, Refusal> {
+        let member = self.peer_number(transmitter)?;
+        let team = self.codec.team.clone();
+        let span_s = match self.outcomes.insert(&team.slots, transmitter, time_s, success) {
+            None => return Err(Refusal::NoSlot { time_s }),
+            Some(OutcomeEffect::Unchanged) => return Err(Refusal::Duplicate),
+            Some(OutcomeEffect::Added) => {
+                self.conformance.insert(&team.slots, transmitter, (time_s, WITHOUT_EVENT), success)
+            }
+            Some(OutcomeEffect::ForgotOldest) => self.compare_all_with_schedule().or(Some(ALL_TIMES)),
+        };
+        let slot = team.slots.sent_in(time_s, transmitter);
+        let is_denied = |slot: &u32| self.reports.is_unused(member, *slot);
+        let denied: Vec<u32> = slot.filter(is_denied).into_iter().collect();
+        let changes_all = self.check_claims(member, &denied) || span_s.is_some();
+        let slots = if changes_all { Some(EVERY_SLOT) } else { slot.map(|slot| slot..slot + 1) };
+        let mut effect = self.effect(member, Receipt::Accepted, slots.into_iter().collect());
+        effect.change = self.reassess(effect.change, span_s.as_slice());
+        Ok(effect)
+    }
+
+    /// Stores a position of another member that the host knows.
+    fn insert_peer_position(
+        &mut self,
+        member: &VehicleId,
+        time_s: f64,
+        position: Position,
+        is_independent: bool,
+    ) -> Result<Effect, Refusal> {
+        let number = self.peer_number(member)?;
+        if !self.peers.insert(number, time_s, position, is_independent) {
+            return Err(Refusal::Duplicate);
+        }
+        Ok(self.effect(number, Receipt::Accepted, vec![EVERY_SLOT]))
     }
 
     /// Stores that a member did not transmit in slots of its own.
@@ -363,7 +447,7 @@ impl Memory {
 
     /// Returns the events of other members, located as far as possible.
     pub(crate) fn located(&self) -> &LocatedEvents {
-        self.located.get_or_locate(|previous| locate_events(self.evidence(), self.track(), previous))
+        self.located.get_or_locate(|previous| locate_events(self.evidence(), self.track(), &self.peers, previous))
     }
 
     /// Advances the vehicle's clock to a time: of an own event, an own position, a reception or a transmission. Returns
@@ -392,8 +476,8 @@ impl Memory {
 
     /// Returns everything that shows how slots were used.
     fn evidence(&self) -> SlotEvidence<'_> {
-        let Self { codec, own, events, reports, conformance, claims, muted, .. } = self;
-        SlotEvidence { codec, own: *own, events, reports, conformance, claims, muted }
+        let Self { codec, own, events, outcomes, reports, conformance, claims, muted, .. } = self;
+        SlotEvidence { codec, own: *own, events, outcomes, reports, conformance, claims, muted }
     }
 
     /// Stores a frame that was received, or transmitted by the vehicle itself. A frame of another team changes nothing,
@@ -462,7 +546,8 @@ impl Memory {
     pub(crate) fn own_packets(&self) -> impl Iterator<Item = PacketKey> {
         let foreign = self.own.and_then(|own| self.packets.foreign_counter(own));
         let own = self.own.into_iter().flat_map(|own| self.packets.accepted(own).map(move |packet| (own, packet)));
-        let is_stored = move |counter: u16, version: &Version| !version.sent.is_empty() && Some(counter) > foreign;
+        let may_have_left = |version: &Version| version.sent.undropped().next().is_some();
+        let is_stored = move |counter: u16, version: &Version| may_have_left(version) && Some(counter) > foreign;
         own.filter_map(move |(own, (counter, version))| is_stored(counter, version).then_some((own, counter)))
     }
 
@@ -489,6 +574,8 @@ impl Memory {
             .chain(reports)
             .chain(self.piggyback_entries())
             .chain(self.unused_slot_entries())
+            .chain(self.outcome_entries())
+            .chain(self.peer_position_entries())
             .chain(self.clock.waiting().cloned())
     }
 
@@ -498,6 +585,31 @@ impl Memory {
         unused.filter_map(|(number, slot)| {
             Some(Entry::UnusedSlot { sender: self.codec.team.members.get(&number)?.clone(), slot })
         })
+    }
+
+    fn outcome_entries(&self) -> impl Iterator<Item = Entry> {
+        self.outcomes.iter().map(|outcome| Entry::Outcome {
+            time_s: outcome.time_s.0,
+            transmitter_id: outcome.transmitter_id.clone(),
+            success: outcome.success,
+        })
+    }
+
+    fn peer_position_entries(&self) -> impl Iterator<Item = Entry> {
+        self.peers.iter().filter_map(|(number, time_s, position, is_independent)| {
+            let member = self.codec.team.members.get(&number)?.clone();
+            Some(Entry::PeerPosition { member, time_s, position, is_independent })
+        })
+    }
+
+    /// Returns the frame with a transmission number, if it is stored, with its entry.
+    pub(crate) fn frame_sent_as(&self, number: u64) -> Option<Entry> {
+        let own = self.own?;
+        let packets = self.packets.all(own).map(|version| (&version.packet.bytes, &version.sent));
+        let reports = self.reports.all(own).map(|stored| (&stored.report.bytes, &stored.sent));
+        let (bytes, sent) = packets.chain(reports).find(|(_, sent)| sent.contains(number))?;
+        let Transmission { state, slot, .. } = sent.iter().find(|sent| sent.number == number)?;
+        Some(Entry::Sent { number, state, slot, bytes: bytes.clone() })
     }
 
     /// Returns the piggybacked outcomes: one entry for each slot and outcome.
@@ -518,8 +630,8 @@ impl Memory {
 const ALL_TIMES: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
 
 /// Returns the entries of a frame: one for each transmission by the vehicle, or a single one for a received frame.
-fn frame_entries(bytes: &[u8], sent: &TransmissionTimes) -> impl Iterator<Item = Entry> {
+fn frame_entries(bytes: &[u8], sent: &Transmissions) -> impl Iterator<Item = Entry> {
     let received = sent.is_empty().then(|| Entry::Received { time_s: None, bytes: bytes.to_vec() });
-    let as_sent = |Transmission { number, slot }| Entry::Sent { number, slot, bytes: bytes.to_vec() };
+    let as_sent = |Transmission { number, state, slot }| Entry::Sent { number, state, slot, bytes: bytes.to_vec() };
     received.into_iter().chain(sent.iter().map(as_sent))
 }

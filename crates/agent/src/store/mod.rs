@@ -1,10 +1,13 @@
 //! The memory of a vehicle: a set of entries, and the remote events that follow from it.
 
 pub(crate) mod entry;
+pub(crate) mod entry_bytes;
 pub(crate) mod clock;
 pub(crate) mod events;
 pub(crate) mod packets;
 pub(crate) mod reports;
+pub(crate) mod own_outcomes;
+pub(crate) mod peer_positions;
 pub(crate) mod slot_conformance;
 pub(crate) mod claim_check;
 pub(crate) mod slot_evidence;

@@ -5,31 +5,43 @@ use std::sync::Arc;
 
 use crate::codec::decoded::{Packet, PacketKey};
 use crate::codec::receipt::Refusal;
+use crate::store::entry::FrameState;
 
 /// A transmission of a frame by the vehicle itself.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Transmission {
-    /// Number of frames transmitted before it.
+    /// Number of frames proposed before it.
     pub(crate) number: u64,
+    pub(crate) state: FrameState,
     /// Own slot of the transmission, if known.
     pub(crate) slot: Option<u32>,
 }
 
-/// The transmissions of one frame: slots by transmission number.
+/// The transmissions of one frame: states and slots by transmission number.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct TransmissionTimes(BTreeMap<u64, Option<u32>>);
+pub(crate) struct Transmissions(BTreeMap<u64, (FrameState, Option<u32>)>);
 
-impl TransmissionTimes {
-    /// Adds a transmission. If one number has several slots, the latest slot counts, whatever the order.
+impl Transmissions {
+    /// Adds a transmission. If one number has several states, the latest state counts, and of this state the latest
+    /// slot, whatever the order.
     pub(crate) fn add(&mut self, sent: Option<Transmission>) {
-        if let Some(Transmission { number, slot }) = sent {
-            let stored = self.0.entry(number).or_insert(slot);
-            *stored = slot.max(*stored);
+        if let Some(Transmission { number, state, slot }) = sent {
+            let stored = self.0.entry(number).or_insert((state, slot));
+            *stored = (state, slot).max(*stored);
         }
     }
 
     pub(crate) fn iter(&self) -> impl Iterator<Item = Transmission> {
-        self.0.iter().map(|(&number, &slot)| Transmission { number, slot })
+        self.0.iter().map(|(&number, &(state, slot))| Transmission { number, state, slot })
+    }
+
+    /// Returns the transmissions that may have left the vehicle.
+    pub(crate) fn undropped(&self) -> impl Iterator<Item = Transmission> {
+        self.iter().filter(|sent| sent.state != FrameState::Dropped)
+    }
+
+    pub(crate) fn contains(&self, number: u64) -> bool {
+        self.0.contains_key(&number)
     }
 
     pub(crate) fn last_number(&self) -> Option<u64> {
@@ -45,7 +57,7 @@ impl TransmissionTimes {
 #[derive(Debug, Clone)]
 pub(crate) struct Version {
     pub(crate) packet: Arc<Packet>,
-    pub(crate) sent: TransmissionTimes,
+    pub(crate) sent: Transmissions,
 }
 
 #[derive(Debug, Clone, Default)]
@@ -93,7 +105,7 @@ impl Packets {
         match stored {
             Some(version) => version.sent.add(sent),
             None => {
-                let mut version = Version { packet: Arc::new(packet), sent: TransmissionTimes::default() };
+                let mut version = Version { packet: Arc::new(packet), sent: Transmissions::default() };
                 version.sent.add(sent);
                 versions.push(version);
                 versions.sort_by(|a, b| a.packet.bytes.cmp(&b.packet.bytes));

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use crate::codec::decoded::Report;
 use crate::codec::receipt::Refusal;
-use crate::store::packets::{Transmission, TransmissionTimes};
+use crate::store::packets::{Transmission, Transmissions};
 use crate::track::received::ReceivedTrack;
 
 /// The range of all slots.
@@ -36,7 +36,7 @@ pub(crate) struct ReceivedReports {
 }
 
 /// Adds an outcome of a slot. Returns whether that changed anything.
-fn add(outcomes: &mut BTreeMap<u32, ReportedOutcome>, slot: u32, heard: bool) -> bool {
+pub(crate) fn add_outcome(outcomes: &mut BTreeMap<u32, ReportedOutcome>, slot: u32, heard: bool) -> bool {
     let outcome = ReportedOutcome::from(heard);
     match outcomes.entry(slot) {
         Entry::Vacant(vacant) => drop(vacant.insert(outcome)),
@@ -51,7 +51,7 @@ fn add(outcomes: &mut BTreeMap<u32, ReportedOutcome>, slot: u32, heard: bool) ->
 impl ReceivedReports {
     fn add(&mut self, report: &Report) {
         for &(slot, heard) in &report.outcomes {
-            add(&mut self.outcomes, slot, heard);
+            add_outcome(&mut self.outcomes, slot, heard);
         }
         self.track.add(&report.waypoints);
     }
@@ -81,7 +81,7 @@ impl ReceivedReports {
 #[derive(Debug, Clone)]
 pub(crate) struct StoredReport {
     pub(crate) report: Arc<Report>,
-    pub(crate) sent: TransmissionTimes,
+    pub(crate) sent: Transmissions,
 }
 
 #[derive(Debug, Clone, Default)]
@@ -130,7 +130,7 @@ impl Reports {
         let key = (report.first, report.bytes.clone());
         let report = Arc::new(report);
         let is_duplicate = sender.reports.contains_key(&key);
-        let new = || StoredReport { report: report.clone(), sent: TransmissionTimes::default() };
+        let new = || StoredReport { report: report.clone(), sent: Transmissions::default() };
         sender.reports.entry(key.clone()).or_insert_with(new).sent.add(sent);
         if is_duplicate {
             return Err(Refusal::Duplicate);
@@ -184,7 +184,7 @@ impl Reports {
         for (slot, heard) in outcomes {
             let last = piggybacked.last_key_value().map_or(slot, |(&last, _)| last.max(slot));
             if last - slot < self.window_slots {
-                is_new |= add(piggybacked, slot, heard);
+                is_new |= add_outcome(piggybacked, slot, heard);
             }
             let is_too_old = |(&first, _): (&u32, &ReportedOutcome)| last - first >= self.window_slots;
             while piggybacked.first_key_value().is_some_and(is_too_old) {

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::team::slots::Slots;
-use crate::types::event::{Event, VehicleId};
+use crate::types::event::VehicleId;
 
 /// Number of consecutive receptions outside its slots which show that a member does not conform to the schedule.
 const RUN: usize = 4;
@@ -14,10 +14,13 @@ const RUN: usize = 4;
 /// itself does not use the schedule.
 const MISSES_PER_OUTLIER: usize = 8;
 
+/// Number of an outcome without an event.
+pub(crate) const WITHOUT_EVENT: u64 = u64::MAX;
+
 /// Largest clock offset that is examined, in slots.
 const OFFSET_MAX: i32 = 31;
 
-/// A reception, by time and number of its event.
+/// A reception, by time and number of its event, or [`WITHOUT_EVENT`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Reception {
     time_s: f64,
@@ -25,7 +28,7 @@ struct Reception {
     is_in_slot: bool,
 }
 
-/// The vehicle's own receptions and misses in comparison with the schedule. Its content depends on the set of events
+/// The vehicle's own receptions and misses in comparison with the schedule. Its content depends on the set of outcomes
 /// alone.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct SlotConformance {
@@ -38,20 +41,26 @@ pub(crate) struct SlotConformance {
 }
 
 impl SlotConformance {
-    /// Adds an event of the vehicle with another member under a fixed schedule. Returns the times between which other
+    /// Adds an outcome of the vehicle with another member under a fixed schedule. Returns the times between which other
     /// events of that member may change: they may now count, or no longer. O(log N) for an event that is the latest.
-    pub(crate) fn insert(&mut self, slots: &Slots, number: u64, event: &Event) -> Option<(f64, f64)> {
-        if slots.explicit.is_some() || slots.number(event.time_s).is_none() {
+    pub(crate) fn insert(
+        &mut self,
+        slots: &Slots,
+        transmitter_id: &VehicleId,
+        (time_s, number): (f64, u64),
+        success: bool,
+    ) -> Option<(f64, f64)> {
+        if slots.explicit.is_some() || slots.number(time_s).is_none() {
             return None;
         }
         let was_active = self.is_active();
-        let is_in_slot = slots.sent_in(event.time_s, &event.transmitter_id).is_some();
+        let is_in_slot = slots.sent_in(time_s, transmitter_id).is_some();
         let mut affected = None;
-        if event.success {
+        if success {
             self.outliers += usize::from(!is_in_slot);
-            let receptions = Arc::make_mut(self.receptions.entry(event.transmitter_id.clone()).or_default());
-            let index = receptions.partition_point(|other| (other.time_s, other.number) < (event.time_s, number));
-            receptions.insert(index, Reception { time_s: event.time_s, number, is_in_slot });
+            let receptions = Arc::make_mut(self.receptions.entry(transmitter_id.clone()).or_default());
+            let index = receptions.partition_point(|other| (other.time_s, other.number) < (time_s, number));
+            receptions.insert(index, Reception { time_s, number, is_in_slot });
             let near = index.saturating_sub(RUN)..receptions.len().min(index + RUN + 1);
             if receptions[near.clone()].iter().any(|other| !other.is_in_slot) {
                 let begin_s = if near.start == 0 { f64::NEG_INFINITY } else { receptions[near.start].time_s };

@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use crate::codec::team_codec::TeamCodec;
 use crate::store::claim_check::ClaimCheck;
 use crate::store::events::{Events, RecordedEvent};
+use crate::store::own_outcomes::OwnOutcomes;
 use crate::store::reports::Reports;
 use crate::store::slot_conformance::SlotConformance;
 use crate::types::event::VehicleId;
@@ -15,6 +16,7 @@ pub(crate) struct SlotEvidence<'a> {
     /// Number of the vehicle itself, if it is a member.
     pub(crate) own: Option<u8>,
     pub(crate) events: &'a Events,
+    pub(crate) outcomes: &'a OwnOutcomes,
     pub(crate) reports: &'a Reports,
     pub(crate) conformance: &'a SlotConformance,
     pub(crate) claims: &'a ClaimCheck,
@@ -39,10 +41,12 @@ impl SlotEvidence<'_> {
 
     fn is_heard(&self, slot: u32) -> bool {
         let members = self.codec.team.members.keys();
-        members.into_iter().any(|&member| {
-            let is_reported = || !self.muted.contains(&member) && self.reports.has_heard(member, slot);
-            self.events.in_slot((member, slot)).any(|(_, success)| success) || is_reported()
-        })
+        let is_heard_by_me = self.own.is_some() && self.outcomes.has_heard(slot);
+        is_heard_by_me
+            || members.into_iter().any(|&member| {
+                let is_reported = || !self.muted.contains(&member) && self.reports.has_heard(member, slot);
+                self.events.in_slot((member, slot)).any(|(_, success)| success) || is_reported()
+            })
     }
 
     /// Returns whether a member conformed to the schedule in a slot, as far as the vehicle received it. O(members log
@@ -51,6 +55,13 @@ impl SlotEvidence<'_> {
         let team = &self.codec.team;
         let Some((id, time_s)) = team.members.get(&member).zip(team.slots.begin_s(slot)) else { return true };
         !self.conformance.is_only_member_out(id, time_s)
+    }
+
+    /// Returns whether the messages of a member arrive at the vehicle itself in the member's slots. O(log N).
+    pub(crate) fn arrives_in_slots(&self, member: u8, slot: u32) -> bool {
+        let team = &self.codec.team;
+        let Some((id, time_s)) = team.members.get(&member).zip(team.slots.begin_s(slot)) else { return true };
+        !self.conformance.is_out_of_slot(id, time_s)
     }
 
     /// Returns whether an event that the vehicle recorded counts. Outcomes of a member outside its slots do not count.

@@ -167,6 +167,13 @@ impl Slots {
         Some((begin_s - SAME_S, begin_s + length_s + SAME_S))
     }
 
+    /// Returns the beginning of the next slot that has a sender, in seconds.
+    pub(crate) fn next_begin_s(&self, number: u32) -> Option<f64> {
+        let next =
+            (number.saturating_add(1)..self.end()).take(self.cycle_slots()).find(|&next| self.sender(next).is_some());
+        self.begin_s(next?)
+    }
+
     /// Returns the number of slots of one cycle.
     pub(crate) fn cycle_slots(&self) -> usize {
         self.order.len().max(1)

@@ -60,6 +60,16 @@ impl Track {
         Some(Position { heading_deg: between.heading_deg.or_else(course_deg), ..between })
     }
 
+    /// Returns the position at a time, interpolated between the last position before it and the first one from `end_s`
+    /// on. `None` if these are more than `gap_s_max` seconds apart, or if one is missing. The heading is the one
+    /// between both headings, or the course.
+    pub(crate) fn across(&self, time_s: f64, end_s: f64, gap_s_max: f64) -> Option<Position> {
+        let before = self.0.partition_point(|fix| fix.0 < time_s).checked_sub(1)?;
+        let after = self.0.partition_point(|fix| fix.0 < end_s);
+        let (before, after) = (&self.0[before], self.0.get(after)?);
+        (after.0 - before.0 <= gap_s_max).then(|| interpolate(before, after, time_s))
+    }
+
     /// Returns the course to the position at `index` from the position before it. If they are too near for a course, an
     /// earlier position counts that is at most [`COURSE_S_MAX`] older.
     fn course_deg(&self, index: usize, gap_s_max: f64) -> Option<f64> {

@@ -76,14 +76,15 @@ fn an_adapted_vehicle_predicts_better_and_continues_from_its_last_optimum() {
 fn adaptation_learns_from_received_packets_too() {
     let team = team();
     let mut sender = vehicle(&team, "b", events("b", 100, 0.5));
-    let packets: Vec<Vec<u8>> = (0..5).map_while(|_| sender.next_frame(None, 32).unwrap()).collect();
+    let packets: Vec<Vec<u8>> =
+        (0..5).map_while(|_| sender.next_frame(None, 32).unwrap().map(|frame| frame.bytes)).collect();
     let fresh = || vehicle(&team, "a", events("a", 12, 0.0));
     let (mut alone, mut informed) = (fresh(), fresh());
     // A mean that falls with range would explain nearly everything here without any packet.
     let structure = Structure { mean: MeanStructure::Zero, ..Structure::default() };
     let learning = Learning { structure, ..Learning::default() };
     let learned_alone = alone.adapt(&learning).unwrap().model.prior.clone();
-    packets.iter().for_each(|bytes| assert_eq!(informed.receive(bytes, None), Receipt::Accepted));
+    packets.iter().for_each(|bytes| assert_eq!(informed.receive(bytes, None).receipt, Receipt::Accepted));
     assert_ne!(learned_alone, informed.adapt(&learning).unwrap().model.prior);
     let elsewhere = events("b", 200, 0.61);
     let right = |agent: &mut Agent| {
@@ -98,7 +99,7 @@ fn adaptation_learns_from_received_packets_too() {
 fn packets_after_adaptation_are_absorbed_under_the_learned_model() {
     let team = team();
     let mut sender = vehicle(&team, "b", events("b", 100, 0.5));
-    let packets: Vec<Vec<u8>> = (0..3).map(|_| sender.next_frame(None, 32).unwrap().unwrap()).collect();
+    let packets: Vec<Vec<u8>> = (0..3).map(|_| sender.next_frame(None, 32).unwrap().unwrap().bytes).collect();
     let links = links_of(&events("b", 30, 0.61));
     let mut agents = [1, 3].map(|at_once| {
         let mut agent = vehicle(&team, "a", events("a", 60, 0.0));

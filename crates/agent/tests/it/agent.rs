@@ -115,7 +115,7 @@ fn a_reception_time_that_is_not_finite_is_unknown() {
     let last_heard_s = |agent: &Agent| member(agent, &name(1)).last_heard_s;
     for (bytes, time_s) in packets.iter().zip([f64::NAN, f64::INFINITY, 12.5]) {
         assert_eq!(last_heard_s(&agent), None);
-        assert_eq!(agent.receive(bytes, Some(time_s)), Receipt::Accepted);
+        assert_eq!(agent.receive(bytes, Some(time_s)).receipt, Receipt::Accepted);
     }
     assert_eq!(last_heard_s(&agent), Some(12.5));
 }
@@ -138,7 +138,7 @@ fn a_vehicle_outside_the_team_receives_and_does_not_send() {
     assert_eq!(guest.next_frame(Some(0.0), 32), Err(AgentError::NotAMember(id)));
     let before = test_probabilities(&mut guest);
     for bytes in frames(&mut vehicle(&team, 0, walk(0, 40, 0.0)), 2) {
-        assert_eq!(guest.receive(&bytes, Some(7.0)), Receipt::Accepted);
+        assert_eq!(guest.receive(&bytes, Some(7.0)).receipt, Receipt::Accepted);
     }
     let status = guest.status();
     assert_eq!((status.live_packets, status.members[&name(0)].last_heard_s), (2, Some(7.0)));
@@ -152,7 +152,7 @@ fn a_frame_below_32_bytes_is_refused() {
     assert_eq!(agent.next_frame(Some(0.0), 31), Err(small));
     for frame_bytes in [32, 63, 64, 255, 256, 1000] {
         let mut agent = agent.clone();
-        let length = agent.next_frame(Some(0.0), frame_bytes).unwrap().unwrap().len();
+        let length = agent.next_frame(Some(0.0), frame_bytes).unwrap().unwrap().bytes.len();
         assert!(length <= frame_bytes, "{length} {frame_bytes}");
     }
 }
@@ -171,7 +171,7 @@ fn own_packets_add_nothing_to_own_events() {
     let mut agent = vehicle(&Arc::new(team(2, model())), 0, walk(0, 30, 0.0));
     let before = rebuilt_probabilities(&mut agent);
     for bytes in frames(&mut agent, 5) {
-        assert_eq!(agent.receive(&bytes, None), Receipt::Refused(Refusal::Duplicate));
+        assert_eq!(agent.receive(&bytes, None).receipt, Receipt::Refused(Refusal::Duplicate));
     }
     assert_eq!(test_probabilities(&mut agent), before);
     assert_eq!(rebuilt_probabilities(&mut agent), before);
@@ -189,7 +189,7 @@ fn a_sparse_fit_predicts_and_sends_nearly_as_a_dense_one() {
     let received = [&mut dense, &mut sparse].map(|sender| {
         let mut receiver = vehicle(&Arc::new(team(2, model())), 0, []);
         for bytes in frames(sender, 8) {
-            assert_eq!(receiver.receive(&bytes, None), Receipt::Accepted);
+            assert_eq!(receiver.receive(&bytes, None).receipt, Receipt::Accepted);
         }
         test_probabilities(&mut receiver)
     });
@@ -239,7 +239,7 @@ fn one_frame_halves_the_error_in_a_region_without_own_events() {
     let mut sender = vehicle(&team, 0, shifted(0, 0.0, 350.0));
     let mut receiver = vehicle(&team, 1, shifted(1, 1.0, -350.0));
     let east: Vec<Link> = shifted(0, 0.19, 350.0).into_iter().map(|event| event.link).collect();
-    let bytes = sender.next_frame(Some(0.0), 32).unwrap().unwrap();
+    let bytes = sender.next_frame(Some(0.0), 32).unwrap().unwrap().bytes;
     let expected = probabilities(&mut sender, &east);
     let mut error = || {
         let p = probabilities(&mut receiver, &east);

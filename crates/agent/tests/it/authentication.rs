@@ -10,13 +10,13 @@ fn authenticated() -> Team {
 }
 
 fn first_packet(team: Team) -> Vec<u8> {
-    vehicle(&Arc::new(team), 1, walk(1, 30, 1.0)).next_frame(Some(0.0), 32).unwrap().unwrap()
+    vehicle(&Arc::new(team), 1, walk(1, 30, 1.0)).next_frame(Some(0.0), 32).unwrap().unwrap().bytes
 }
 
 /// A vehicle of the authenticated team that recorded events and received one packet.
 fn listener() -> Agent {
     let mut agent = vehicle(&Arc::new(authenticated()), 0, walk(0, 10, 0.0));
-    assert_eq!(agent.receive(&first_packet(authenticated()), Some(0.0)), Receipt::Accepted);
+    assert_eq!(agent.receive(&first_packet(authenticated()), Some(0.0)).receipt, Receipt::Accepted);
     agent
 }
 
@@ -42,7 +42,7 @@ fn a_tag_takes_the_place_of_one_point_in_a_small_frame() {
             event
         });
         let mut agent = vehicle(&Arc::new(team), 0, events);
-        let bytes = agent.next_frame(Some(0.0), 32).unwrap().unwrap();
+        let bytes = agent.next_frame(Some(0.0), 32).unwrap().unwrap().bytes;
         assert!(bytes.len() <= 32, "{}", bytes.len());
         summarised_links(&agent, 0).concat().len()
     };
@@ -58,11 +58,11 @@ fn a_frame_with_any_changed_bit_is_refused_and_changes_nothing() {
     let mut agent = listener();
     let before = (agent.snapshot(), test_probabilities(&mut agent));
     let mut sender = vehicle(&Arc::new(authenticated()), 2, walk(2, 30, 1.0));
-    let bytes = sender.next_frame(Some(0.0), 32).unwrap().unwrap();
+    let bytes = sender.next_frame(Some(0.0), 32).unwrap().unwrap().bytes;
     for bit in 0..8 * bytes.len() {
         let mut altered = bytes.clone();
         altered[bit / 8] ^= 1 << (bit % 8);
-        let receipt = agent.receive(&altered, Some(0.0));
+        let receipt = agent.receive(&altered, Some(0.0)).receipt;
         assert!(matches!(receipt, Receipt::Refused(refusal) if refusal != Refusal::Duplicate), "{bit}");
     }
     let counts = counts(&agent);
@@ -72,7 +72,7 @@ fn a_frame_with_any_changed_bit_is_refused_and_changes_nothing() {
     // form.
     assert!(counts.forged > counts.malformed && counts.other_team >= 48, "{counts:?}");
     assert_eq!((agent.snapshot(), test_probabilities(&mut agent)), before);
-    assert_eq!(agent.receive(&bytes, Some(0.0)), Receipt::Accepted);
+    assert_eq!(agent.receive(&bytes, Some(0.0)).receipt, Receipt::Accepted);
 }
 
 #[test]
@@ -84,17 +84,17 @@ fn an_authenticated_report_with_any_changed_bit_is_refused_and_changes_nothing()
     let event =
         |n: usize| Event { transmitter_id: name(n % 3), ..event_at(2, 10.0 * n as f64, link, n.is_multiple_of(2)) };
     sender.record((0..30).filter(|n| n % 3 != 2).map(event)).unwrap();
-    let report = sender.next_frame(None, 32).unwrap().unwrap();
+    let report = sender.next_frame(None, 32).unwrap().unwrap().bytes;
     let mut agent = listener();
     let before = agent.snapshot();
     for bit in 0..8 * report.len() {
         let mut altered = report.clone();
         altered[bit / 8] ^= 1 << (bit % 8);
-        let receipt = agent.receive(&altered, None);
+        let receipt = agent.receive(&altered, None).receipt;
         assert!(matches!(receipt, Receipt::Refused(refusal) if refusal != Refusal::Duplicate), "{bit}");
     }
     assert_eq!(agent.snapshot(), before);
-    assert_eq!(agent.receive(&report, None), Receipt::Accepted);
+    assert_eq!(agent.receive(&report, None).receipt, Receipt::Accepted);
 }
 
 #[test]
@@ -111,7 +111,7 @@ fn packets_under_another_configuration_are_refused() {
     ];
     let mut agent = listener();
     let before = agent.snapshot();
-    let mut refusal = |bytes: &[u8]| match agent.receive(bytes, Some(0.0)) {
+    let mut refusal = |bytes: &[u8]| match agent.receive(bytes, Some(0.0)).receipt {
         Receipt::Refused(Refusal::OtherTeam { found: None, .. }) => "configuration",
         Receipt::Refused(Refusal::OtherForm(_)) => "form",
         Receipt::Refused(Refusal::Forged(_)) => "forged",
@@ -122,7 +122,7 @@ fn packets_under_another_configuration_are_refused() {
     assert_eq!(found, ["configuration"; 7]);
     assert_eq!(refusal(&first_packet(Team { key: Some(key(8)), ..authenticated() })), "forged");
     let mut large = vehicle(&Arc::new(Team { frame_bytes: 64, ..authenticated() }), 1, walk(1, 30, 1.0));
-    assert_eq!(refusal(&large.next_frame(Some(0.0), 64).unwrap().unwrap()), "form");
+    assert_eq!(refusal(&large.next_frame(Some(0.0), 64).unwrap().unwrap().bytes), "form");
     assert_eq!(refusal(&first_packet(Team { key: None, ..authenticated() })), "form");
     assert_eq!((counts(&agent).other_team, counts(&agent).forged, agent.snapshot()), (9, 1, before));
 }
@@ -131,11 +131,11 @@ fn packets_under_another_configuration_are_refused() {
 fn a_plain_packet_names_the_number_of_its_configuration() {
     let plain = |epoch| Team { key: None, epoch, ..authenticated() };
     let mut agent = vehicle(&Arc::new(plain(0)), 0, []);
-    let receipt = agent.receive(&first_packet(authenticated()), Some(0.0));
+    let receipt = agent.receive(&first_packet(authenticated()), Some(0.0)).receipt;
     assert!(matches!(receipt, Receipt::Refused(Refusal::OtherForm(_))));
     let mut number = |epoch, phase| {
         let mut sender = vehicle(&Arc::new(plain(epoch)), 1, walk(1, 30, phase));
-        match agent.receive(&sender.next_frame(Some(0.0), 32).unwrap().unwrap(), Some(0.0)) {
+        match agent.receive(&sender.next_frame(Some(0.0), 32).unwrap().unwrap().bytes, Some(0.0)).receipt {
             Receipt::Refused(Refusal::OtherTeam { found: Some(found), expected }) => (found, expected),
             receipt => panic!("{receipt:?}"),
         }
@@ -152,7 +152,7 @@ fn a_replayed_frame_changes_nothing() {
     let mut agent = listener();
     let before = agent.snapshot();
     for _ in 0..3 {
-        let receipt = agent.receive(&first_packet(authenticated()), Some(9.0));
+        let receipt = agent.receive(&first_packet(authenticated()), Some(9.0)).receipt;
         assert_eq!(receipt, Receipt::Refused(Refusal::Duplicate));
     }
     assert_eq!((counts(&agent).duplicate, agent.snapshot()), (3, before));
@@ -165,7 +165,7 @@ fn counters_continue_after_a_restart_from_a_snapshot() {
     let mut agent = vehicle(&team, 0, walk(0, 20, 0.0));
     let mut counters = Vec::new();
     for n in 0..4 {
-        let bytes = agent.next_frame(Some(0.0), 32).unwrap().unwrap();
+        let bytes = agent.next_frame(Some(0.0), 32).unwrap().unwrap().bytes;
         counters.push(counter(&bytes, &team));
         agent = restored(&agent, &agent.snapshot());
         agent.record(walk(0, 20 + 5 * n, 0.9)).unwrap();
@@ -182,11 +182,11 @@ fn a_vehicle_that_lost_its_memory_skips_a_window_of_counters_after_its_old_packe
     let mut reborn = vehicle(&team, 0, walk(0, 40, 0.5));
     for n in [2, 0] {
         let counter = n as u16;
-        assert_eq!(reborn.receive(&packets[n], Some(0.0)), Receipt::Refused(Refusal::OwnNumber(counter)));
-        assert_eq!(reborn.receive(&packets[n], Some(0.0)), Receipt::Refused(Refusal::Duplicate));
+        assert_eq!(reborn.receive(&packets[n], Some(0.0)).receipt, Receipt::Refused(Refusal::OwnNumber(counter)));
+        assert_eq!(reborn.receive(&packets[n], Some(0.0)).receipt, Receipt::Refused(Refusal::Duplicate));
     }
     assert_eq!(counts(&reborn).own_number, 2);
-    let bytes = reborn.next_frame(Some(0.0), 32).unwrap().unwrap();
+    let bytes = reborn.next_frame(Some(0.0), 32).unwrap().unwrap().bytes;
     assert_eq!(counter(&bytes, &team), 2 + team.packets_per_sender_max);
     // Packets of its own number do not change its predictions: they follow from its own events.
     let mut fresh = vehicle(&team, 0, walk(0, 40, 0.5));
@@ -198,7 +198,7 @@ fn a_vehicle_without_further_counters_sends_no_summaries_until_the_next_epoch() 
     let team = Arc::new(authenticated());
     let (agent, id) = (vehicle(&team, 0, walk(0, 40, 0.0)), name(0));
     let mut last = after_counter(agent.clone(), 65_534);
-    assert_eq!(counter(&last.next_frame(Some(0.0), 32).unwrap().unwrap(), &team), 65_535);
+    assert_eq!(counter(&last.next_frame(Some(0.0), 32).unwrap().unwrap().bytes, &team), 65_535);
     let used_up = AgentError::CountersUsedUp { id: id.clone(), epoch: 0 };
     assert_eq!(last.next_frame(Some(1.0), 32), Err(used_up.clone()));
     assert_eq!(restored(&last, &last.snapshot()).next_frame(Some(0.0), 32), Err(used_up));
@@ -207,5 +207,5 @@ fn a_vehicle_without_further_counters_sends_no_summaries_until_the_next_epoch() 
     let mut again = Agent::restore(id, next.clone(), AgentOptions::default(), &last.snapshot()).unwrap();
     again.refit().unwrap();
     assert_eq!((events(&again), again.status().live_packets), (events(&agent), 0));
-    assert_eq!(counter(&again.next_frame(Some(0.0), 32).unwrap().unwrap(), &next), 0);
+    assert_eq!(counter(&again.next_frame(Some(0.0), 32).unwrap().unwrap().bytes, &next), 0);
 }

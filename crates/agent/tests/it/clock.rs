@@ -31,7 +31,7 @@ fn is_ahead(receipt: &Receipt) -> bool {
 fn counters_beyond_the_schedule_wait_and_do_not_end_the_sharing_of_their_sender() {
     let team = three();
     let mut agent = vehicle(&team, 0, []);
-    let mut receive = |counter| agent.receive(&empty_packet(&team, 1, counter), Some(0.0));
+    let mut receive = |counter| agent.receive(&empty_packet(&team, 1, counter), Some(0.0)).receipt;
     // Ten minutes ahead of slot 0 a member has 21 slots of eight frames.
     let largest = COUNTER_LEAD + 8 * 21;
     let ahead = |counter| Receipt::Refused(Refusal::CounterAhead { counter, largest });
@@ -56,9 +56,9 @@ fn a_foreign_packet_with_the_largest_counter_does_not_use_up_the_counters_of_a_v
     let team = three();
     let mut agent = vehicle(&team, 0, walk(0, 40, 0.0));
     for counter in [65_535, 65_534] {
-        assert!(is_ahead(&agent.receive(&empty_packet(&team, 0, counter), Some(400.0))));
+        assert!(is_ahead(&agent.receive(&empty_packet(&team, 0, counter), Some(400.0)).receipt));
     }
-    let bytes = agent.next_frame(None, 32).unwrap().unwrap();
+    let bytes = agent.next_frame(None, 32).unwrap().unwrap().bytes;
     assert_eq!(agent.codec().read(&bytes).unwrap().1.counter, 0);
 }
 
@@ -67,14 +67,14 @@ fn reports_about_far_slots_do_not_end_the_window_of_correct_reports() {
     let team = three();
     let [mut agent, mut other] = [vehicle(&team, 0, []), vehicle(&team, 0, [])];
     for first in 262_000..262_140 {
-        let receipt = agent.receive(&report(&team, 1, first), Some(5.0));
+        let receipt = agent.receive(&report(&team, 1, first), Some(5.0)).receipt;
         assert!(matches!(receipt, Receipt::Refused(Refusal::SlotAhead { latest: 60, .. })), "{receipt:?}");
     }
     assert_eq!(member(&agent, &name(1)).waiting_frames, 64, "the smallest slots are kept");
     for first in 0..50 {
         let (frame, time_s) = (report(&team, 1, 6 * first), Some(60.0 * f64::from(first)));
-        assert_eq!(agent.receive(&frame, time_s), Receipt::Accepted);
-        assert_eq!(other.receive(&frame, time_s), Receipt::Accepted);
+        assert_eq!(agent.receive(&frame, time_s).receipt, Receipt::Accepted);
+        assert_eq!(other.receive(&frame, time_s).receipt, Receipt::Accepted);
     }
     assert!(remote_events(&agent).1 > 100);
     assert_eq!(remote_events(&agent), remote_events(&other));
@@ -92,7 +92,7 @@ fn one_report_from_a_clock_far_ahead_changes_no_prediction_and_no_later_report()
         let mut listener = trip.vehicle(0);
         receive_all(&mut listener, &reports[..2]);
         if has_glitch {
-            assert!(is_ahead(&listener.receive(&early, None)));
+            assert!(is_ahead(&listener.receive(&early, None).receipt));
         }
         receive_all(&mut listener, &reports[2..]);
         listener
@@ -117,7 +117,7 @@ fn waiting_frames_count_in_any_order_of_frames_and_clock() {
                 agent.record_positions(fixes).unwrap();
             }
             let frame = frames.get(if reversed { frames.len().wrapping_sub(1 + place) } else { place });
-            frame.into_iter().for_each(|frame| drop(agent.receive(frame, None)));
+            frame.into_iter().for_each(|frame| drop(agent.receive(frame, None).receipt));
         }
         agent
     };

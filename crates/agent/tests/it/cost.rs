@@ -85,7 +85,7 @@ fn cost(count: usize) -> Cost {
     agent.refit().unwrap();
     other.record(events(1, slots - 60..slots)).unwrap();
     other.refit().unwrap();
-    let frame = other.next_frame(Some(SLOT_S * slots as f64), 32).unwrap().unwrap();
+    let frame = other.next_frame(Some(SLOT_S * slots as f64), 32).unwrap().unwrap().bytes;
     let query = event(0, slots + 1).query();
     agent.probability(query).unwrap();
 
@@ -94,10 +94,10 @@ fn cost(count: usize) -> Cost {
     records.sort_unstable();
     let record = records[records.len() / 2];
     agent.probability(query).unwrap();
-    let receive = allocated(|| assert_eq!(agent.receive(&frame, None), Receipt::Accepted)).1;
+    let receive = allocated(|| assert_eq!(agent.receive(&frame, None).receipt, Receipt::Accepted)).1;
     let predict_after_change = allocated(|| agent.probability(query).unwrap()).1;
     let predict = allocated(|| agent.probability(query).unwrap()).1;
-    let next_frame = allocated(|| agent.next_frame(Some(SLOT_S * (slots + 24) as f64), 32).unwrap().unwrap()).1;
+    let next_frame = allocated(|| agent.next_frame(Some(SLOT_S * (slots + 24) as f64), 32).unwrap().unwrap().bytes).1;
     Cost { record, receive, predict, predict_after_change, next_frame }
 }
 
@@ -145,10 +145,11 @@ fn a_flood_of_frames_of_one_member_leaves_memory_and_cost_within_their_bounds() 
     let codec = agent.codec().clone();
     // Without a flood: as many reports as a member may have.
     for n in 0..256 {
-        assert_eq!(agent.receive(&report(&codec, 78 * n, n), now_s), Receipt::Accepted);
+        assert_eq!(agent.receive(&report(&codec, 78 * n, n), now_s).receipt, Receipt::Accepted);
     }
     agent.refit().unwrap();
-    let before = (agent.snapshot().len(), allocated(|| agent.clone().next_frame(now_s, 32).unwrap()).1);
+    let before =
+        (agent.snapshot().len(), allocated(|| agent.clone().next_frame(now_s, 32).unwrap().map(|frame| frame.bytes)).1);
     let layout = team.layout(32).unwrap();
     for n in 0..100_000u32 {
         // Slots and counters up to twice those that the clock allows.
@@ -168,7 +169,8 @@ fn a_flood_of_frames_of_one_member_leaves_memory_and_cost_within_their_bounds() 
         }
     }
     agent.refit().unwrap();
-    let after = (agent.snapshot().len(), allocated(|| agent.clone().next_frame(now_s, 32).unwrap()).1);
+    let after =
+        (agent.snapshot().len(), allocated(|| agent.clone().next_frame(now_s, 32).unwrap().map(|frame| frame.bytes)).1);
     assert!(after.0 < 2 * before.0, "{before:?} {after:?}");
     assert!(after.1 < 2 * before.1, "{before:?} {after:?}");
 }

@@ -53,7 +53,7 @@ impl Mission {
 
     /// The first and the last slot of the next report.
     fn next_report(&self, agent: &mut Agent, slot: u32) -> [u32; 2] {
-        let frame = agent.next_frame(Some(slot_s(slot)), 32).unwrap().unwrap();
+        let frame = agent.next_frame(Some(slot_s(slot)), 32).unwrap().unwrap().bytes;
         let (_, report, _) = agent.codec().read_report(&frame).unwrap();
         let id = agent.id().clone();
         let slots = (report.first..).filter(|&slot| self.team.slots.is_heard_by(slot, &id));
@@ -94,7 +94,7 @@ fn an_acknowledged_report_is_not_sent_again_and_any_other_is() {
         mission.next_report(&mut agent, PART);
         let mut peer = mission.vehicle(1, 0..PART + 8, |slot| is_heard || slot != PART);
         receive_all(&mut agent, &frames(&mut peer, 8));
-        let next = agent.next_frame(Some(slot_s(PART + 4)), 32).unwrap();
+        let next = agent.next_frame(Some(slot_s(PART + 4)), 32).unwrap().map(|frame| frame.bytes);
         assert_eq!(next.is_none(), is_heard);
     }
 }
@@ -147,10 +147,10 @@ fn muting_the_only_acknowledging_member_makes_reports_worth_sending_again() {
 #[test]
 fn a_sent_entry_with_a_slot_of_another_member_has_no_slot() {
     let mission = Mission::new(2);
-    let frame = mission.vehicle(0, 0..PART, |_| true).next_frame(Some(slot_s(PART)), 32).unwrap().unwrap();
+    let frame = mission.vehicle(0, 0..PART, |_| true).next_frame(Some(slot_s(PART)), 32).unwrap().unwrap().bytes;
     let after = |slot: Option<u32>| {
         let mut agent = mission.vehicle(0, 0..PART, |_| true);
-        agent.apply(Entry::Sent { number: 0, slot, bytes: frame.clone() }).unwrap();
+        agent.apply(Entry::Sent { number: 0, state: FrameState::Proposed, slot, bytes: frame.clone() }).unwrap();
         receive_all(&mut agent, &frames(&mut mission.vehicle(1, 0..PART + 8, |_| true), 8));
         agent.next_frame(Some(slot_s(PART)), 32).unwrap();
         agent.snapshot()
@@ -162,7 +162,7 @@ fn a_sent_entry_with_a_slot_of_another_member_has_no_slot() {
     let twice = |slots: [Option<u32>; 2]| {
         let mut agent = mission.vehicle(0, 0..PART, |_| true);
         slots.into_iter().for_each(|slot| {
-            agent.apply(Entry::Sent { number: 0, slot, bytes: frame.clone() }).unwrap();
+            agent.apply(Entry::Sent { number: 0, state: FrameState::Proposed, slot, bytes: frame.clone() }).unwrap();
         });
         agent.snapshot()
     };
@@ -193,7 +193,7 @@ fn an_unused_slot_found_after_its_report_is_reported_again() {
     assert_eq!(agent.next_frame(Some(slot_s(PART + 2)), 32).unwrap(), None);
     for slot in [PART / 2, PART - 2] {
         agent.record_unused_slots([slot_s(slot)]).unwrap();
-        let frame = agent.next_frame(Some(slot_s(PART + 4)), 32).unwrap().unwrap();
+        let frame = agent.next_frame(Some(slot_s(PART + 4)), 32).unwrap().unwrap().bytes;
         let (_, report, _) = agent.codec().read_report(&frame).unwrap();
         assert_eq!((report.first, report.includes_own_slots), (slot, true));
         assert_eq!(report.outcomes, [Outcome::Missed]);

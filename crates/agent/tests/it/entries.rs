@@ -30,7 +30,7 @@ fn entries_of(trip: &Trip, number: usize, unused: &BTreeSet<u32>) -> Vec<Entry> 
             agent.record_unused_slots([time_s]).unwrap();
             continue;
         }
-        let frame = agent.next_frame(Some(time_s), 32).unwrap();
+        let frame = agent.next_frame(Some(time_s), 32).unwrap().map(|frame| frame.bytes);
         entries.extend(frame.map(|bytes| Entry::Received { time_s: None, bytes }));
         // The newest reception, as far as there is one.
         let newest = (0..slot).rev().find_map(|slot| Some((slot, trip.event(slot, number)?.success)));
@@ -59,16 +59,28 @@ fn missions() -> impl Strategy<Value = Mission> {
             });
             let unused: BTreeSet<u32> = (0..trip.slots).filter(|&slot| unused[slot as usize]).collect();
             let late = |sender: usize, slot: u32| i64::from(sender == 1 && (from..from + length).contains(&slot));
-            let observed = (0..).zip(trip.recorded(late)).map(|(number, event)| Entry::Observed { number, event });
+            let recorded = trip.recorded(late).into_iter().filter(|event| (event.time_s / SLOT_S) as u32 % 7 < 5);
+            let observed = (0..).zip(recorded).map(|(number, event)| Entry::Observed { number, event });
             let mut entries: Vec<Entry> = observed.collect();
             entries.extend(trip.positions(0).map(|(time_s, position)| Entry::Navigated { time_s, position }));
             entries.extend((1..trip.members()).flat_map(|number| entries_of(&trip, number, &unused)));
+            // Vehicle 0 knows some outcomes without positions, and some positions of the late member.
+            entries.extend((0..trip.slots).filter(|slot| slot % 3 == 0).filter_map(|slot| {
+                let Event { time_s, transmitter_id, success, .. } = trip.event(slot, 0)?;
+                Some(Entry::Outcome { time_s, transmitter_id, success })
+            }));
+            entries.extend((0..trip.slots).filter(|slot| slot % 5 < 2).map(|slot| {
+                let (time_s, position) = (slot_s(slot), trip.at(1, slot));
+                Entry::PeerPosition { member: name(1), time_s, position, is_independent: slot % 2 == 0 }
+            }));
             entries.extend(unused.iter().map(|&slot| Entry::UnusedSlot { sender: name(trip.sender(slot)), slot }));
             let mut own = trip.vehicle(0);
-            let sent = (0..3).map_while(|number| Some((number, own.next_frame(None, 32).unwrap()?)));
-            entries.extend(sent.map(|(number, bytes)| {
+            let sent = (0..3).map_while(|number| Some((number, own.next_frame(None, 32).unwrap()?.bytes)));
+            entries.extend(sent.flat_map(|(number, bytes)| {
                 let slot = Some(trip.members() as u32 * (3 + number as u32));
-                Entry::Sent { number, slot, bytes }
+                let states = [FrameState::Proposed, FrameState::Dropped, FrameState::Departed];
+                let states = states.into_iter().take(1 + number as usize);
+                states.map(move |state| Entry::Sent { number, state, slot, bytes: bytes.clone() }).collect::<Vec<_>>()
             }));
             Mission { trip, entries }
         },

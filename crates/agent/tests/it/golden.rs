@@ -132,7 +132,7 @@ fn snapshot(team: Team) -> Vec<u8> {
     agent.record_positions([(3.0, place), (75.0, place)]).unwrap();
     let mut reporter = agent.clone();
     reporter.options = reports_alone();
-    let own_report = reporter.next_frame(None, 32).unwrap();
+    let own_report = reporter.next_frame(None, 32).unwrap().map(|frame| frame.bytes);
     let frame = |sender, counter, shift: i8| {
         let mut message = summary(layout, sender, counter);
         message.blocks[0].points[0].mean += shift;
@@ -146,13 +146,18 @@ fn snapshot(team: Team) -> Vec<u8> {
     }
     for (number, bytes) in (0_u32..).zip(sent.into_iter().chain(own_report)) {
         let slot = number.is_multiple_of(2).then_some(40 + number);
-        agent.apply(Entry::Sent { number: number.into(), slot, bytes }).unwrap();
+        let states = [FrameState::Proposed, FrameState::Dropped, FrameState::Departed];
+        let state = states[number as usize % 3];
+        agent.apply(Entry::Sent { number: number.into(), state, slot, bytes }).unwrap();
     }
+    agent.apply(Entry::Outcome { time_s: 33.0, transmitter_id: bob.clone(), success: false }).unwrap();
+    let (member, is_independent) = (bob.clone(), true);
+    agent.apply(Entry::PeerPosition { member, time_s: 30.0, position: place, is_independent }).unwrap();
     agent.apply(Entry::UnusedSlot { sender: eve.clone(), slot: 2 }).unwrap();
     agent.apply(Entry::Piggyback { sender: eve.clone(), newest: 4, outcomes: vec![true, false] }).unwrap();
     agent.set_muted(&eve, true);
     let status = agent.status();
-    assert_eq!((status.live_packets, status.members[&bob].conflicts), (3, 1));
+    assert_eq!((status.live_packets, status.members[&bob].conflicts), (2, 1));
     agent.snapshot()
 }
 

@@ -65,7 +65,7 @@ proptest! {
         let mut agent = vehicle(&team, 0, events);
         for (counter, (sender, bits)) in (0..).zip(&all) {
             let before = agent.snapshot();
-            let receipt = agent.receive(&scrambled(&team, empty_packet(&team, *sender, counter), bits), None);
+            let receipt = agent.receive(&scrambled(&team, empty_packet(&team, *sender, counter), bits), None).receipt;
             let is_stored = matches!(receipt, Receipt::Accepted | Receipt::Refused(Refusal::OwnNumber(_)));
             prop_assert_eq!(is_stored, agent.snapshot() != before, "{:?}", receipt);
             // The header is valid, so that every refusal is due to the content after it.
@@ -126,7 +126,7 @@ proptest! {
             });
             let blocks = vec![Block { time: counter as u8 % 64, points: points.collect(), correlations }];
             let bytes = agent.codec().write(layout, &MapMessage { sender: 1, counter, model: 0, blocks }).unwrap();
-            let receipt = agent.receive(&bytes, None);
+            let receipt = agent.receive(&bytes, None).receipt;
             let expected = matches!(receipt, Receipt::Accepted | Receipt::Refused(Refusal::Unusable(_)));
             prop_assert!(expected, "{:?}", receipt);
         }
@@ -166,7 +166,7 @@ fn coinciding_points_are_unusable() {
     }
     let message = MapMessage { sender: 1, counter: 0, model: 0, blocks: vec![block] };
     let bytes = agent.codec().write(layout, &message).unwrap();
-    assert!(matches!(agent.receive(&bytes, None), Receipt::Refused(Refusal::Unusable(_))));
+    assert!(matches!(agent.receive(&bytes, None).receipt, Receipt::Refused(Refusal::Unusable(_))));
     let status = agent.status();
     assert_eq!((status.counts.unusable, status.live_packets), (1, 0));
 }
@@ -174,11 +174,11 @@ fn coinciding_points_are_unusable() {
 #[test]
 fn padding_zeros_are_not_part_of_the_packet() {
     let team = Arc::new(team(2, model()));
-    let bytes = vehicle(&team, 1, walk(1, 20, 0.0)).next_frame(None, 32).unwrap().unwrap();
+    let bytes = vehicle(&team, 1, walk(1, 20, 0.0)).next_frame(None, 32).unwrap().unwrap().bytes;
     let (mut plain, mut padded) = (vehicle(&team, 0, []), vehicle(&team, 0, []));
     plain.receive(&bytes, None);
-    assert_eq!(padded.receive(&[bytes.as_slice(), &[0; 9]].concat(), None), Receipt::Accepted);
-    assert_eq!(padded.receive(&bytes, None), Receipt::Refused(Refusal::Duplicate));
+    assert_eq!(padded.receive(&[bytes.as_slice(), &[0; 9]].concat(), None).receipt, Receipt::Accepted);
+    assert_eq!(padded.receive(&bytes, None).receipt, Receipt::Refused(Refusal::Duplicate));
     assert_eq!(padded.snapshot(), plain.snapshot());
 }
 
@@ -191,11 +191,11 @@ fn a_damaged_plain_frame_is_refused() {
     for bit in 0..8 * frame.len() {
         let mut damaged = frame.clone();
         damaged[bit / 8] ^= 1 << (bit % 8);
-        let refused = matches!(agent.receive(&damaged, None), Receipt::Refused(_));
+        let refused = matches!(agent.receive(&damaged, None).receipt, Receipt::Refused(_));
         assert!(refused, "bit {bit}");
     }
     assert_eq!(agent.snapshot(), before);
-    assert_eq!(agent.receive(&frame, None), Receipt::Accepted);
+    assert_eq!(agent.receive(&frame, None).receipt, Receipt::Accepted);
 }
 
 #[test]

@@ -81,7 +81,7 @@ fn two_waypoints_in_one_slot_break_nothing() {
             waypoints: vec![waypoint(0, 10), waypoint(1, 250), waypoint(0, 90), waypoint(9, 40)],
         };
         let bytes = agent.codec().write_report(&report).unwrap();
-        assert_eq!(agent.receive(&bytes, None), Receipt::Accepted);
+        assert_eq!(agent.receive(&bytes, None).receipt, Receipt::Accepted);
     }
     assert!(remote_events(&agent).0 > 0);
     agent.rebuild().unwrap();
@@ -104,7 +104,7 @@ fn a_report_beyond_the_last_slot_breaks_nothing() {
         waypoints: vec![waypoint(0), waypoint(255), waypoint(255)],
     };
     let bytes = agent.codec().write_report(&report).unwrap();
-    assert_eq!(agent.receive(&bytes, Some(slot_s(pingmap_packet::SLOTS))), Receipt::Accepted);
+    assert_eq!(agent.receive(&bytes, Some(slot_s(pingmap_packet::SLOTS))).receipt, Receipt::Accepted);
     let (located, unlocated) = remote_events(&agent);
     assert!(located + unlocated <= 1, "one of two slots is one of the listener");
     assert_eq!(restored(&agent, &agent.snapshot()).snapshot(), agent.snapshot());
@@ -125,7 +125,7 @@ fn a_report_that_corrects_piggybacked_outcomes_counts_at_once() {
     let link = trip.event(0, 1).unwrap().link;
     let mut never = agent.clone();
     never.receive(&report, None);
-    assert_eq!(agent.receive_piggyback(&name(1), 150.0, inverted.encode(), 14), Receipt::Accepted);
+    assert_eq!(agent.receive_piggyback(&name(1), 150.0, inverted.encode(), 14).receipt, Receipt::Accepted);
     assert_eq!(remote_events(&agent), (8, 0));
     agent.refit().unwrap();
     agent.probability(link).unwrap();
@@ -197,8 +197,8 @@ fn a_report_longer_than_the_frames_of_the_team_is_refused() {
     let bytes = agent.codec().write_report(&long).unwrap();
     let refusal = Refusal::TooLong { length: bytes.len(), max };
     assert!(bytes.len() > max);
-    assert_eq!(agent.receive(&bytes, None), Receipt::Refused(refusal));
+    assert_eq!(agent.receive(&bytes, None).receipt, Receipt::Refused(refusal));
     assert_eq!(agent.snapshot(), before);
     let bytes = agent.codec().write_report(&report(60)).unwrap();
-    assert_eq!(agent.receive(&bytes, None), Receipt::Accepted);
+    assert_eq!(agent.receive(&bytes, None).receipt, Receipt::Accepted);
 }

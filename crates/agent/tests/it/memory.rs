@@ -29,6 +29,8 @@ enum Step {
     Record,
     Receive(Index),
     Send,
+    /// The host reports about the last frame: it left at this time, or never.
+    Leave(Option<f64>),
     Refit,
     Predict,
     /// A restart from the last snapshot, followed by all entries of the journal.
@@ -40,6 +42,7 @@ fn steps() -> impl Strategy<Value = Vec<Step>> {
         3 => Just(Step::Record),
         4 => any::<Index>().prop_map(Step::Receive),
         2 => Just(Step::Send),
+        1 => prop::option::of(0.0..200.0f64).prop_map(Step::Leave),
         1 => Just(Step::Refit),
         2 => Just(Step::Predict),
         1 => Just(Step::Restart),
@@ -47,45 +50,46 @@ fn steps() -> impl Strategy<Value = Vec<Step>> {
     vec(step, 1..40)
 }
 
-/// Takes these steps, and returns the vehicle and a journal with every entry.
+/// Takes these steps, and returns the vehicle and a journal of the entries that it returned, as read from their bytes.
 fn run(fleet: &Fleet, window: u16, steps: &[Step]) -> (Agent, Vec<Entry>) {
     let team = Arc::new(Team { packets_per_sender_max: window, ..(*fleet.team).clone() });
-    let frames = received_frames(&Fleet { team: team.clone(), events: fleet.events.clone() });
+    let frames: Vec<Vec<u8>> = received_frames(&Fleet { team: team.clone(), events: fleet.events.clone() });
     let mut agent = vehicle(&team, 0, []);
-    let (mut journal, mut snapshot) = (Vec::new(), agent.snapshot());
+    let (mut journal, mut snapshot) = (Vec::<Entry>::new(), agent.snapshot());
     let mut events = fleet.events[0].iter();
     for step in steps {
-        let Status { next_event: number, next_frame: sent_number, .. } = agent.status();
-        match step {
-            Step::Record => {
-                let Some(event) = events.next() else { continue };
-                journal.push(Entry::Observed { number, event: event.clone() });
-                agent.record([event.clone()]).unwrap();
-            }
-            Step::Receive(frame) => {
-                let bytes = frame.get(&frames).clone();
-                agent.receive(&bytes, None);
-                journal.push(Entry::Received { time_s: None, bytes });
-            }
+        let new = match step {
+            Step::Record => agent.record(events.next().cloned()).unwrap(),
+            Step::Receive(frame) => Vec::from_iter(agent.receive(&frames[frame.index(frames.len())], None).entry),
             Step::Send => match agent.next_frame(Some(0.0), 32) {
-                Ok(Some(bytes)) => journal.push(Entry::Sent {
-                    number: sent_number,
-                    slot: agent.team().slots.next_slot(0.0, agent.id()),
-                    bytes,
-                }),
-                Ok(None) | Err(AgentError::CountersUsedUp { .. }) => {}
+                Ok(frame) => Vec::from_iter(frame.map(|frame| frame.entry())),
+                Err(AgentError::CountersUsedUp { .. }) => Vec::new(),
                 Err(error) => panic!("{error}"),
             },
-            Step::Refit => agent.refit().unwrap(),
-            Step::Predict => drop(test_probabilities(&mut agent)),
+            Step::Leave(time_s) => {
+                let number = agent.status().next_frame.wrapping_sub(1);
+                let left = time_s.map(|time_s| agent.frame_departed(number, time_s));
+                // Without a frame there is no number.
+                Vec::from_iter(left.unwrap_or_else(|| agent.frame_dropped(number)).ok())
+            }
+            Step::Refit => {
+                agent.refit().unwrap();
+                Vec::new()
+            }
+            Step::Predict => {
+                test_probabilities(&mut agent);
+                Vec::new()
+            }
             Step::Restart => {
                 let before = agent.snapshot();
                 agent = Agent::restore(agent.id().clone(), team.clone(), agent.options, &snapshot).unwrap();
                 journal.iter().for_each(|entry| drop(agent.apply(entry.clone()).unwrap()));
                 assert_eq!(agent.snapshot(), before);
                 snapshot = before;
+                Vec::new()
             }
-        }
+        };
+        journal.extend(new.iter().map(|entry| Entry::from_bytes(&entry.to_bytes()).unwrap()));
     }
     (agent, journal)
 }
@@ -212,22 +216,22 @@ fn two_vehicles_under_one_number_are_detected() {
     let [mut first, mut second] = [0.0, 0.7].map(|phase| vehicle(&team, 1, walk(1, 40, phase)));
     let packets = [&mut first, &mut second].map(|agent| frames(agent, 2));
     let mut listener = vehicle(&team, 0, []);
-    assert_eq!(listener.receive(&packets[0][0], None), Receipt::Accepted);
+    assert_eq!(listener.receive(&packets[0][0], None).receipt, Receipt::Accepted);
     let before = test_probabilities(&mut listener);
-    assert_eq!(listener.receive(&packets[1][0], None), Receipt::Refused(Refusal::Conflict(0)));
+    assert_eq!(listener.receive(&packets[1][0], None).receipt, Receipt::Refused(Refusal::Conflict(0)));
     assert_ne!(test_probabilities(&mut listener), before, "neither packet counts");
-    assert_eq!(listener.receive(&packets[0][0], None), Receipt::Refused(Refusal::Duplicate));
+    assert_eq!(listener.receive(&packets[0][0], None).receipt, Receipt::Refused(Refusal::Duplicate));
     let conflicts = |agent: &Agent| member(agent, &name(1)).conflicts;
     let status = listener.status();
     assert_eq!((conflicts(&listener), status.counts.conflict, status.live_packets), (1, 1, 0));
     // Each of the two vehicles detects the other, and continues with counters that the other has not used.
-    assert_eq!(first.receive(&packets[1][1], None), Receipt::Refused(Refusal::Conflict(1)));
+    assert_eq!(first.receive(&packets[1][1], None).receipt, Receipt::Refused(Refusal::Conflict(1)));
     assert_eq!(first.status().counts.conflict, 1);
     first.record(walk(1, 40, 1.4)).unwrap();
     first.refit().unwrap();
-    let bytes = first.next_frame(None, 32).unwrap().unwrap();
+    let bytes = first.next_frame(None, 32).unwrap().unwrap().bytes;
     assert_eq!(first.codec().read(&bytes).unwrap().1.counter, 1 + team.packets_per_sender_max);
-    assert_eq!(listener.receive(&bytes, None), Receipt::Accepted);
+    assert_eq!(listener.receive(&bytes, None).receipt, Receipt::Accepted);
     assert_eq!(conflicts(&listener), 0);
 }
 

@@ -34,8 +34,8 @@ fn messages(trip: &Trip, number: usize, is_unused: impl Fn(u32) -> bool) -> Vec<
 
 fn receive(agent: &mut Agent, message: &Message) {
     match message {
-        Message::Frame(bytes) => agent.receive(bytes, None),
-        Message::Piggyback { sender, time_s, bits } => agent.receive_piggyback(sender, *time_s, *bits, N_BITS),
+        Message::Frame(bytes) => agent.receive(bytes, None).receipt,
+        Message::Piggyback { sender, time_s, bits } => agent.receive_piggyback(sender, *time_s, *bits, N_BITS).receipt,
     };
 }
 
@@ -43,7 +43,7 @@ fn receive(agent: &mut Agent, message: &Message) {
 fn results(mut agent: Agent) -> (Vec<u64>, Option<Vec<u8>>) {
     let probabilities = bits(&rebuilt_probabilities(&mut agent));
     agent.options = AgentOptions::default();
-    (probabilities, agent.next_frame(Some(1e5), 64).unwrap())
+    (probabilities, agent.next_frame(Some(1e5), 64).unwrap().map(|frame| frame.bytes))
 }
 
 proptest! {

@@ -37,7 +37,7 @@ fn messages(trip: &Trip, number: usize) -> Vec<Message> {
 }
 
 fn receive(agent: &mut Agent, &(number, time_s, bits): &Message) -> Receipt {
-    agent.receive_piggyback(&name(number), time_s, bits, N_BITS)
+    agent.receive_piggyback(&name(number), time_s, bits, N_BITS).receipt
 }
 
 /// The outcomes in the bits of one of three vehicles, by slot, the newest first. The message was formed in this slot.
@@ -63,7 +63,7 @@ proptest! {
         all.extend((1..trip.members()).flat_map(|number| messages(&trip, number)).map(Err));
         let all: Vec<_> = all.into_iter().zip(lost.iter().cycle()).filter(|(_, lost)| !**lost).map(|(one, _)| one).collect();
         let receive_one = |agent: &mut Agent, one: &Result<Vec<u8>, Message>| match one {
-            Ok(report) => agent.receive(report, None),
+            Ok(report) => agent.receive(report, None).receipt,
             Err(message) => receive(agent, message),
         };
         let mut one = trip.vehicle(0);
@@ -293,10 +293,10 @@ fn malformed_piggybacked_bits_are_refused_and_change_nothing() {
         (name(1), -5.0, Refusal::NoSlot { time_s: -5.0 }),
     ];
     for (id, time_s, refusal) in cases {
-        assert_eq!(agent.receive_piggyback(&id, time_s, bits, 16), Receipt::Refused(refusal));
+        assert_eq!(agent.receive_piggyback(&id, time_s, bits, 16).receipt, Receipt::Refused(refusal));
     }
     for (bits, n_bits) in [(bits, 6), (bits, 65), (1 << 16, 16)] {
-        let receipt = agent.receive_piggyback(&name(1), time_s, bits, n_bits);
+        let receipt = agent.receive_piggyback(&name(1), time_s, bits, n_bits).receipt;
         assert!(matches!(receipt, Receipt::Refused(Refusal::Malformed(_))), "{receipt:?}");
     }
     assert_eq!((agent.piggyback(300.0, 6), agent.piggyback(f64::NAN, 16)), (None, None));

@@ -54,8 +54,8 @@ fn agent(team: &Arc<Team>, name: &str, events: &[Event]) -> Agent {
 
 /// Sends summaries until nothing is worth a frame.
 fn share(sender: &mut Agent, listener: &mut Agent) {
-    while let Some(packet) = sender.next_frame(Some(8000.0), 32).unwrap() {
-        assert_eq!(listener.receive(&packet, Some(8000.0)), Receipt::Accepted);
+    while let Some(packet) = sender.next_frame(Some(8000.0), 32).unwrap().map(|frame| frame.bytes) {
+        assert_eq!(listener.receive(&packet, Some(8000.0)).receipt, Receipt::Accepted);
     }
 }
 

@@ -57,7 +57,7 @@ proptest! {
         let p = [&mut orderly, &mut unordered].map(test_probabilities);
         prop_assert!(largest_difference(&p[0], &p[1]) < 1e-9, "{:?}", p);
         prop_assert_eq!(bits(&rebuilt_probabilities(&mut orderly)), bits(&rebuilt_probabilities(&mut unordered)));
-        let next = [&mut orderly, &mut unordered].map(|agent| agent.next_frame(Some(99.0), 32).unwrap());
+        let next = [&mut orderly, &mut unordered].map(|agent| agent.next_frame(Some(99.0), 32).unwrap().map(|frame| frame.bytes));
         prop_assert_eq!(&next[0], &next[1]);
     }
 
@@ -66,7 +66,7 @@ proptest! {
         let frames = || {
             let mut agent = fleet.vehicle(1);
             receive_in_order(&mut agent, &packets, &arrivals);
-            (0..3).map(|n| agent.next_frame(Some(f64::from(n)), frame_bytes).unwrap()).collect::<Vec<_>>()
+            (0..3).map(|n| agent.next_frame(Some(f64::from(n)), frame_bytes).unwrap().map(|frame| frame.bytes)).collect::<Vec<_>>()
         };
         prop_assert_eq!(frames(), frames());
     }
@@ -130,8 +130,8 @@ fn ratio_after_memory_losses(receives_itself: bool) -> f64 {
         let mut sender = vehicle(&team, 0, walk(0, 40, 0.0));
         sender = if receives_itself { sender } else { after_counter(sender, counter) };
         receive_all(&mut sender, &last);
-        let bytes = sender.next_frame(None, 32).unwrap().unwrap();
-        assert_eq!(listener.receive(&bytes, None), Receipt::Accepted);
+        let bytes = sender.next_frame(None, 32).unwrap().unwrap().bytes;
+        assert_eq!(listener.receive(&bytes, None).receipt, Receipt::Accepted);
         last = if receives_itself { vec![bytes] } else { Vec::new() };
     }
     let newest = newest(&listener);
@@ -157,7 +157,7 @@ fn busy_sender(team: &Arc<Team>, packets: usize) -> (Agent, Vec<Vec<u8>>) {
     let next = |events: &[Event]| {
         sender.record(events.iter().cloned()).unwrap();
         sender.refit().unwrap();
-        sender.next_frame(None, 32).unwrap().unwrap()
+        sender.next_frame(None, 32).unwrap().unwrap().bytes
     };
     let packets = all.chunks(5).map(next).collect();
     (sender, packets)
@@ -180,7 +180,7 @@ proptest! {
                 _ if arrivals[..place].contains(&n) => Receipt::Refused(Refusal::Duplicate),
                 _ => Receipt::Accepted,
             };
-            prop_assert_eq!(listener.receive(&packets[n], None), expected);
+            prop_assert_eq!(listener.receive(&packets[n], None).receipt, expected);
         }
         let counters = |agent: &Agent| agent.links_of_packets().into_iter().map(|(_, n, _)| n.into()).collect::<Vec<usize>>();
         let latest = *arrivals.iter().max().unwrap();
@@ -209,7 +209,7 @@ fn content_that_leaves_the_window_is_sent_again() {
         let events = places.iter().flat_map(|&link| (0..6).map(move |n| event_at(0, f64::from(n), link, true)));
         let (mut sender, mut listener) = (vehicle(&team, 0, events), vehicle(&team, 1, []));
         let known = (0..12).map_while(|_| {
-            listener.receive(&sender.next_frame(None, 32).unwrap()?, None);
+            listener.receive(&sender.next_frame(None, 32).unwrap()?.bytes, None);
             Some(probabilities(&mut listener, &places).into_iter().map(|p| p > 0.7).collect::<Vec<bool>>())
         });
         known.collect::<Vec<_>>()

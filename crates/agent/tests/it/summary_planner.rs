@@ -104,8 +104,8 @@ fn packets_correct_a_prior_that_is_far_off() {
     let [mut sender, mut listener] =
         [0, 1].map(|number| Agent::new(name(number), team.clone(), AgentOptions::default()));
     sender.record((0..60).map(event)).unwrap();
-    while let Some(packet) = sender.next_frame(None, 32).unwrap() {
-        assert_eq!(listener.receive(&packet, None), Receipt::Accepted);
+    while let Some(packet) = sender.next_frame(None, 32).unwrap().map(|frame| frame.bytes) {
+        assert_eq!(listener.receive(&packet, None).receipt, Receipt::Accepted);
     }
     let [of_sender, of_listener] = [&mut sender, &mut listener].map(|agent| agent.probability(link(30.0)).unwrap());
     assert!(of_sender > 0.8 && (of_sender - of_listener).abs() < 0.1, "{of_sender} {of_listener}");
@@ -177,7 +177,7 @@ fn many_certain_events_with_a_sharp_edge_are_worth_frames() {
     let before = divergence(&mut listener);
     let mut left = before;
     for n in 0..8 {
-        let packet = agent.next_frame(None, 32).unwrap().expect("the listener lacks much");
+        let packet = agent.next_frame(None, 32).unwrap().expect("the listener lacks much").bytes;
         listener.receive(&packet, None);
         let now = divergence(&mut listener);
         assert!(now < left, "packet {n}: {left} to {now}");

@@ -172,7 +172,7 @@ impl LongMission {
             agent.record_positions([(time_s, events[0].link.transmitter)])?;
             let sending = Instant::now();
             if has_frame {
-                frame = agent.next_frame(Some(time_s), FRAME_BYTES)?;
+                frame = agent.next_frame(Some(time_s), FRAME_BYTES)?.map(|frame| frame.bytes);
             }
             cost.frames += sending.elapsed();
             cost.add(begin.elapsed());

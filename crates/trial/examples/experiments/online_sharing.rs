@@ -198,7 +198,7 @@ impl Run {
             if vehicle.transmissions.is_multiple_of(self.every) {
                 // All three agents refit at the same time.
                 vehicle.agents().into_iter().try_for_each(Agent::refit)?;
-                frame = vehicle.agent.next_frame(Some(time_s), FRAME_BYTES)?;
+                frame = vehicle.agent.next_frame(Some(time_s), FRAME_BYTES)?.map(|frame| frame.bytes);
             }
         }
         for event in events {

@@ -153,7 +153,9 @@ impl Fleet {
             self.agents[receiver].record([recorded]).unwrap();
             if event.success {
                 self.deliver(slot, receiver, &frames);
-                piggyback.iter().for_each(|&bits| drop(self.agents[receiver].receive_piggyback(&id, time_s, bits, 16)));
+                piggyback
+                    .iter()
+                    .for_each(|&bits| drop(self.agents[receiver].receive_piggyback(&id, time_s, bits, 16).receipt));
             }
         }
         self.sent.extend(frames.into_iter().map(|frame| (time_s, frame)));
@@ -178,7 +180,8 @@ impl Fleet {
                 1 => 2,
                 _ => 1,
             };
-            (0..copies).for_each(|_| drop(self.agents[receiver].receive(frame, Some(SLOT_S * (slot + 1) as f64))));
+            (0..copies)
+                .for_each(|_| drop(self.agents[receiver].receive(frame, Some(SLOT_S * (slot + 1) as f64)).receipt));
         }
     }
 
@@ -189,7 +192,8 @@ impl Fleet {
         if fault == Fault::UnusedClaims {
             agent.record_unused_slots([time_s]).unwrap();
         }
-        let mut frames: Vec<Vec<u8>> = agent.next_frame(Some(time_s), 32).unwrap().into_iter().collect();
+        let mut frames: Vec<Vec<u8>> =
+            agent.next_frame(Some(time_s), 32).unwrap().map(|frame| frame.bytes).into_iter().collect();
         match fault {
             Fault::Counters => {
                 frames.extend([65_535, 65_534, self.rng.random()].map(|counter| self.empty_summary(counter)))
@@ -227,14 +231,18 @@ impl Fleet {
             for _ in 0..LAST_FRAMES {
                 let frames = self.frames(sender, time_s);
                 for receiver in (0..self.agents.len()).filter(|&receiver| receiver != sender) {
-                    frames.iter().for_each(|frame| drop(self.agents[receiver].receive(frame, Some(time_s))));
+                    frames.iter().for_each(|frame| drop(self.agents[receiver].receive(frame, Some(time_s)).receipt));
                 }
                 self.sent.extend(frames.into_iter().map(|frame| (time_s, frame)));
             }
         }
         let [first, second] = &mut self.stations;
-        self.sent.iter().for_each(|(_, frame)| drop(first.receive(frame, Some(time_s))));
-        self.sent.iter().rev().chain(&self.sent).for_each(|(_, frame)| drop(second.receive(frame, Some(time_s))));
+        self.sent.iter().for_each(|(_, frame)| drop(first.receive(frame, Some(time_s)).receipt));
+        self.sent
+            .iter()
+            .rev()
+            .chain(&self.sent)
+            .for_each(|(_, frame)| drop(second.receive(frame, Some(time_s)).receipt));
         self.agents.iter_mut().chain(&mut self.stations).for_each(|agent| agent.rebuild().unwrap());
     }
 

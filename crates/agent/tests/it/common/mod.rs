@@ -134,7 +134,10 @@ pub fn empty_packet(team: &Arc<Team>, sender: u8, counter: u16) -> Vec<u8> {
 pub fn after_counter(mut agent: Agent, counter: u16) -> Agent {
     let sender = agent.team().number(agent.id()).unwrap();
     let bytes = empty_packet(&Arc::new(agent.team().clone()), sender, counter);
-    assert_eq!(agent.apply(Entry::Sent { number: 0, slot: None, bytes }).unwrap(), Receipt::Accepted);
+    assert_eq!(
+        agent.apply(Entry::Sent { number: 0, state: FrameState::Proposed, slot: None, bytes }).unwrap(),
+        Receipt::Accepted
+    );
     agent
 }
 
@@ -146,17 +149,19 @@ pub fn test_links() -> Vec<Link> {
 /// The next frames, `frames_max` at most. They leave at unknown times.
 pub fn frames(agent: &mut Agent, frames_max: usize) -> Vec<Vec<u8>> {
     agent.refit().unwrap();
-    (0..frames_max).map_while(|_| agent.next_frame(None, agent.team().frame_bytes).unwrap()).collect()
+    (0..frames_max)
+        .map_while(|_| agent.next_frame(None, agent.team().frame_bytes).unwrap().map(|frame| frame.bytes))
+        .collect()
 }
 
 /// Receives frames at unknown times.
 pub fn receive_all<'a>(agent: &mut Agent, frames: impl IntoIterator<Item = &'a Vec<u8>>) {
-    frames.into_iter().for_each(|frame| drop(agent.receive(frame, None)));
+    frames.into_iter().for_each(|frame| drop(agent.receive(frame, None).receipt));
 }
 
 /// Receives frames at a time.
 pub fn receive_all_at<'a>(agent: &mut Agent, frames: impl IntoIterator<Item = &'a Vec<u8>>, time_s: f64) {
-    frames.into_iter().for_each(|frame| drop(agent.receive(frame, Some(time_s))));
+    frames.into_iter().for_each(|frame| drop(agent.receive(frame, Some(time_s)).receipt));
 }
 
 /// Predicted probabilities.

@@ -153,7 +153,11 @@ impl Trip {
             agent.record_positions([(slot_s(slot), self.at(number, slot))]).unwrap();
             agent.record(self.event(slot, number)).unwrap();
             let is_due = slot % 5 == 4;
-            is_due.then(|| agent.next_frame(Some(slot_s(slot)), agent.team().frame_bytes).unwrap()).flatten()
+            is_due
+                .then(|| {
+                    agent.next_frame(Some(slot_s(slot)), agent.team().frame_bytes).unwrap().map(|frame| frame.bytes)
+                })
+                .flatten()
         });
         reports.collect()
     }
