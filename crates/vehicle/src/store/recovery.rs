@@ -1,0 +1,100 @@
+//! Opening the store of a vehicle that has to start in spite of a damaged file.
+
+use std::path::{Path, PathBuf};
+
+use crate::store::creation::FreshStore;
+use crate::store::error::StoreError;
+use crate::store::folder::keep_damaged;
+use crate::store::identity::Identity;
+use crate::store::locked_file::LockedFile;
+use crate::store::snapshot::read_snapshot;
+use crate::store::tables::Contents;
+use crate::store::vehicle_store::Store;
+use crate::store::verification::Verified;
+
+/// How a store was opened.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Opened {
+    /// The store had its content, every entry that was acknowledged.
+    Intact(Contents),
+    /// There was neither a store nor a snapshot. The store is empty.
+    New,
+    /// The store was damaged or missing. A fresh one has taken its place, with the last snapshot as its base.
+    Recovered {
+        /// The name under which the damaged file was kept. `None` if the store was missing.
+        kept_as: Option<PathBuf>,
+        /// The snapshot, if there was one. It is the base of the fresh store.
+        snapshot: Option<Vec<u8>>,
+        /// Description of the damage.
+        problem: String,
+    },
+}
+
+/// Opens the store at `path`. A store that is damaged or missing is replaced by a fresh one, which begins with the
+/// snapshot at `snapshot_path`.
+///
+/// A damaged file is never deleted or changed. It is renamed to `NAME.damaged-1`, or to the next number that is free.
+/// A crash within this function loses nothing: the next call finds the damaged store, or no store and the snapshot, or
+/// the fresh store with the snapshot.
+///
+/// # Errors
+/// Every state that is not damage: a lock, another vehicle or team, a newer version, a file that is not a store, a
+/// folder, a missing folder, missing permissions, a full medium. The file is unchanged then.
+pub fn open_or_recover(path: &Path, snapshot_path: &Path, identity: &Identity) -> Result<(Store, Opened), StoreError> {
+    let (damaged, problem) = match LockedFile::open(path) {
+        Ok(file) => match open_verified(path, file, identity)? {
+            Outcome::Intact(store, contents) => return Ok((store, Opened::Intact(contents))),
+            Outcome::Damaged(file, problem) => (Some(file), problem),
+        },
+        Err(StoreError::Missing { .. }) => (None, "the store is missing, although it has a snapshot".to_string()),
+        Err(error) => return Err(error),
+    };
+    let (snapshot, problem) = match read_snapshot(snapshot_path) {
+        Ok(snapshot) => (Some(snapshot), problem),
+        Err(StoreError::Missing { .. } | StoreError::NoFolder { .. }) if damaged.is_none() => {
+            return Ok((replace(path, identity, None, None)?.0, Opened::New));
+        }
+        Err(StoreError::Missing { .. } | StoreError::NoFolder { .. }) => (None, problem),
+        Err(error) => (None, format!("{problem}; its snapshot cannot be read: {error}")),
+    };
+    let (store, kept_as) = replace(path, identity, snapshot.as_deref(), damaged)?;
+    Ok((store, Opened::Recovered { kept_as, snapshot, problem }))
+}
+
+enum Outcome {
+    Intact(Store, Contents),
+    Damaged(LockedFile, String),
+}
+
+fn open_verified(path: &Path, file: LockedFile, identity: &Identity) -> Result<Outcome, StoreError> {
+    match Verified::new(path, file.storage()) {
+        Ok(verified) => match Store::open_verified_file(path, file, &verified, identity) {
+            Ok((store, contents)) => Ok(Outcome::Intact(store, contents)),
+            // The copy in memory was right, and reading the file again gave something else.
+            Err(StoreError::Damaged { problem, .. }) => Ok(Outcome::Damaged(LockedFile::open(path)?, problem)),
+            Err(error) => Err(error),
+        },
+        Err(StoreError::Damaged { problem, .. }) => Ok(Outcome::Damaged(file, problem)),
+        Err(error) => Err(error),
+    }
+}
+
+/// Renames the damaged store, if there is one, and puts a fresh one in its place. The fresh one is complete before the
+/// damaged one loses its name. Returns the open store and the new name of the damaged one.
+///
+/// The damaged file stays locked until the fresh one is in place. Two processes thus cannot recover one store.
+fn replace(
+    path: &Path,
+    identity: &Identity,
+    base: Option<&[u8]>,
+    damaged: Option<LockedFile>,
+) -> Result<(Store, Option<PathBuf>), StoreError> {
+    let fresh = FreshStore::new(path, identity, base)?;
+    let kept_as = damaged.as_ref().map(|_| keep_damaged(path)).transpose()?;
+    if !fresh.place(path)? {
+        // Another process created the store in the same moment.
+        return Err(StoreError::Locked { path: path.into() });
+    }
+    let (store, _) = Store::open(path, identity)?;
+    Ok((store, kept_as))
+}
