@@ -51,7 +51,7 @@ pub(crate) fn replace_file(path: &Path, fill: impl FnOnce(&mut File) -> io::Resu
     sync_folder(path)
 }
 
-/// Renames a damaged file to the first name `NAME.damaged-1`, `NAME.damaged-2`, … that does not exist. Returns that name.
+/// Renames a damaged file to `NAME.damaged-1`, or to the first higher number that is free. Returns the new name.
 pub(crate) fn keep_damaged(path: &Path) -> Result<PathBuf, StoreError> {
     let mut number = 1_u64;
     let kept_as = loop {

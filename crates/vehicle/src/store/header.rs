@@ -11,7 +11,7 @@ use redb::StorageBackend;
 use crate::store::error::StoreError;
 
 const MAGIC: [u8; 9] = *b"redb\x1a\x0a\xa9\x0d\x0a";
-/// A file is foreign if it agrees with the magic number in fewer bytes. A damaged file can differ in a few.
+/// A file that agrees with the magic number in this number of bytes was written by the engine.
 const MAGIC_BYTES_MIN: usize = 5;
 
 /// Offset of the byte of flags.
@@ -22,6 +22,8 @@ const FLAG_TWO_PHASE: u8 = 4;
 const SLOTS: [usize; 2] = [64, 192];
 const SLOT_TRANSACTION: usize = 104;
 const HEADER_BYTES: usize = 320;
+/// The length of a file is a multiple of a page.
+const PAGE_BYTES: u64 = 4096;
 
 /// Version of redb's file format. It is the first byte of a slot.
 const ENGINE_FORMAT: u8 = 3;
@@ -33,11 +35,11 @@ impl Header {
     /// Reads the header, and refuses a file that is not a store.
     pub(crate) fn read(path: &Path, storage: &impl StorageBackend) -> Result<Self, StoreError> {
         let from_io = |e| StoreError::from_io(path, e);
-        let len = usize::try_from(storage.len().map_err(from_io)?).unwrap_or(usize::MAX);
+        let len = storage.len().map_err(from_io)?;
         let mut bytes = [0; HEADER_BYTES];
-        let present = len.min(HEADER_BYTES);
+        let present = usize::try_from(len).map_or(HEADER_BYTES, |len| len.min(HEADER_BYTES));
         storage.read(0, &mut bytes[..present]).map_err(from_io)?;
-        if is_foreign(&bytes[..present]) {
+        if is_foreign(&bytes[..present], len) {
             let problem = "it does not begin like one".into();
             return Err(StoreError::NotAStore { path: path.into(), problem });
         }
@@ -69,9 +71,16 @@ impl Header {
     }
 }
 
-/// Whether the file was not written by the engine. A store whose first bytes are zeros or a few wrong ones is damaged.
-fn is_foreign(bytes: &[u8]) -> bool {
+/// Whether the file was not written by the engine.
+///
+/// A damaged store can begin with a few wrong bytes, with zeros, or with a lost sector. Its length is then still a
+/// whole number of pages, and it does not begin with text, as most files of other kinds do.
+fn is_foreign(bytes: &[u8], len: u64) -> bool {
     let present = bytes.len().min(MAGIC.len());
     let equal = bytes.iter().zip(MAGIC).filter(|&(&byte, expected)| byte == expected).count();
-    equal < MAGIC_BYTES_MIN.min(present) && bytes.iter().any(|&byte| byte != 0)
+    let is_magic = equal >= MAGIC_BYTES_MIN.min(present);
+    let is_zero = bytes.iter().all(|&byte| byte == 0);
+    let has_lost_sector =
+        len.is_multiple_of(PAGE_BYTES) && !bytes.iter().take(4).all(|byte| matches!(byte, b' '..=b'~'));
+    !(is_magic || is_zero || has_lost_sector)
 }

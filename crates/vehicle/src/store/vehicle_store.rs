@@ -117,7 +117,7 @@ impl Store {
     /// Closes the store. A store that is dropped is closed as well, without the errors.
     ///
     /// # Errors
-    /// Of the last writes. What was appended and replaced before is on the medium in any case.
+    /// Errors of the last writes. Entries and bases that were acknowledged are on the medium in any case.
     pub fn close(mut self) -> Result<(), StoreError> {
         let Some(database) = self.database.take() else { return Ok(()) };
         let path = &self.path;

@@ -3,7 +3,7 @@
 use std::fs;
 
 use pingmap_vehicle::{Contents, Store, StoreError};
-use rand::RngExt;
+use rand::{Rng, RngExt};
 
 use crate::common::{Place, fill, identity, random};
 use crate::sim_disk::SimDisk;
@@ -53,19 +53,38 @@ impl Original {
         counts
     }
 
-    /// Opens the store with each of these bits flipped, on a disk in memory.
-    fn flip(&self, bits: impl Iterator<Item = usize>) -> Counts {
+    /// Opens the store on a disk in memory, after each of these changes.
+    fn alter(&self, changes: impl Iterator<Item = (String, Vec<u8>)>) -> Counts {
         let mut counts = Counts::default();
-        for bit in bits {
-            let mut bytes = self.bytes.clone();
-            bytes[bit / 8] ^= 1 << (bit % 8);
+        for (what, bytes) in changes {
             let disk = SimDisk::with_content(0, bytes.clone());
             let opened = Store::open_on(disk.clone(), &identity());
-            self.count(opened, &mut counts, &format!("bit {} of byte {}", bit % 8, bit / 8), || {
-                disk.content() == bytes
-            });
+            self.count(opened, &mut counts, &what, || disk.content() == bytes);
         }
         counts
+    }
+
+    fn flip(&self, bits: impl Iterator<Item = usize>) -> Counts {
+        self.alter(bits.map(|bit| {
+            let mut bytes = self.bytes.clone();
+            bytes[bit / 8] ^= 1 << (bit % 8);
+            (format!("bit {} of byte {}", bit % 8, bit / 8), bytes)
+        }))
+    }
+
+    /// Replaces each sector of 512 bytes by zeros, or by random bytes.
+    fn lose_sectors(&self, is_zero: bool) -> Counts {
+        let mut random = random(4);
+        self.alter((0..self.bytes.len() / 512).map(|sector| {
+            let mut bytes = self.bytes.clone();
+            let lost = &mut bytes[512 * sector..][..512];
+            if is_zero {
+                lost.fill(0)
+            } else {
+                random.fill_bytes(lost)
+            }
+            (format!("sector {sector}, zeros: {is_zero}"), bytes)
+        }))
     }
 
     /// Counts a store that was opened. Its content is right, or it is damaged and unchanged.
@@ -118,5 +137,15 @@ fn a_store_with_one_flipped_bit_in_its_header_is_intact_or_refused() {
     for is_closed in [true, false] {
         let counts = Original::new(is_closed).flip(0..8 * 320);
         println!("2560 flips in the header, closed: {is_closed}: {counts:?}");
+    }
+}
+
+#[test]
+fn a_store_with_a_lost_sector_is_intact_or_refused() {
+    for is_closed in [true, false] {
+        for is_zero in [true, false] {
+            let counts = Original::new(is_closed).lose_sectors(is_zero);
+            println!("each sector lost, closed: {is_closed}, zeros: {is_zero}: {counts:?}");
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! Tests of the public interface of the crate, in one binary.
 //!
-//! Each file tests one subject. Tests that are too slow for every change are ignored; `.ci/full` runs them.
+//! Each file tests one subject.
 
 #![allow(clippy::unwrap_used)]
 

@@ -50,7 +50,8 @@ fn a_newer_version_of_the_engine_is_refused() {
 #[test]
 fn a_file_of_another_kind_is_refused() {
     let place = Place::new();
-    for content in ["time,x,y\n", "t", &"time,x,y\n0,0,0\n".repeat(100)] {
+    let of_whole_pages = format!("SQLite format 3{}", "\0".repeat(8177));
+    for content in ["time,x,y\n", "t", &"time,x,y\n0,0,0\n".repeat(100), &of_whole_pages] {
         fs::write(&place.store, content).unwrap();
         let error = refusal(&place.store, &place.snapshot);
         assert!(matches!(error, StoreError::NotAStore { .. }), "{error}");

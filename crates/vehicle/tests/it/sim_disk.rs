@@ -72,13 +72,13 @@ impl SimDisk {
         state.power_fails_at = Some(state.changes + change);
     }
 
-    /// Fails with an input/output error at this change, counted from now, and works again after it.
+    /// Lets this change fail with an input/output error, counted from now. Later changes work again.
     pub fn fail_at(&self, change: u64) {
         let mut state = self.lock();
         state.error_at = Some(state.changes + change);
     }
 
-    /// Is full from this change on, counted from now, until the next `crash`.
+    /// Makes the disk full from this change on, counted from now, until the next `crash` or `recover`.
     pub fn fill_at(&self, change: u64) {
         let mut state = self.lock();
         state.full_from = Some(state.changes + change);
@@ -105,7 +105,7 @@ impl SimDisk {
         self.lock().current.clone()
     }
 
-    /// Has space again and no further errors. The power stays on.
+    /// Ends errors and lack of space. The power stays on.
     pub fn recover(&self) {
         let mut state = self.lock();
         (state.error_at, state.full_from) = (None, None);
