@@ -66,6 +66,7 @@ pub use readers::event_table::{EventRecord, EventRecords};
 pub use readers::file_kind::{RecordKind, read_head};
 pub use readers::lcm::types::LcmTypes;
 pub use readers::modem::nmea::nmea_checksum;
+pub use readers::modem::stream::{ModemNews, ModemStream};
 pub use readers::moos::MOOS_PREFIX;
 pub use readers::record_file::{FileSource, FileSummary};
 pub use readers::record_reader::RecordReader;

@@ -22,8 +22,27 @@
 
 #![forbid(unsafe_code)]
 
+// In the order of the flow: each folder uses only those above it.
 mod store;
+mod config;
+mod protocol;
+mod vehicle;
 
+pub use config::settings::{
+    ClockSettings, ConfigError, HostSettings, Listen, LogFormat, LogSettings, NavigationSettings, SlotSettings,
+    StoreSettings, VEHICLE_SCHEMA, VehicleConfig,
+};
+pub use protocol::fault::{Fault, FaultCode};
+pub use protocol::hex::Hex;
+pub use protocol::input::{
+    At, Departed, FrameIn, FrameLink, FrameRequest, Heard, Hello, Input, LINKS_MAX, Listening, Nav, Nmea, Peer,
+    PeerSource, PiggybackIn, PiggybackRequest, Predict, Token,
+};
+pub use protocol::line::{LINE_BYTES_MAX, read_line, write_line};
+pub use protocol::output::{
+    Answer, Greeting, LearnedEvent, MemberReport, Message, PROTOCOL, StatusReport, StoreState, Trust,
+};
+pub use protocol::place::{End, Place, QueryLink};
 pub use store::adoption::adopt_store;
 pub use store::error::StoreError;
 pub use store::identity::Identity;
@@ -32,3 +51,5 @@ pub use store::recovery::{Opened, open_or_recover};
 pub use store::snapshot::{read_snapshot, write_snapshot};
 pub use store::tables::Contents;
 pub use store::vehicle_store::Store;
+pub use vehicle::restore::RestoreError;
+pub use vehicle::state::{Output, Vehicle};

@@ -86,6 +86,16 @@ impl Agent {
         self.change_frame(number, FrameState::Dropped, None)
     }
 
+    /// Skips a window of counters. A vehicle that was restored from a snapshot older than its last packets may have used
+    /// counters that it does not know. Every receiver forgets these packets. A snapshot holds the result.
+    pub fn skip_counters(&mut self) {
+        if let Some(own) = self.memory.own {
+            let last = self.memory.packets.next_counter(own) + u32::from(self.team().packets_per_sender_max) - 1;
+            self.memory.packets.advance_to(own, u16::try_from(last).unwrap_or(u16::MAX));
+            self.data_changed();
+        }
+    }
+
     fn change_frame(&mut self, number: u64, state: FrameState, slot: Option<u32>) -> Result<Entry, AgentError> {
         match self.memory.frame_sent_as(number) {
             Some(Entry::Sent { bytes, .. }) => {

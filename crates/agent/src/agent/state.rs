@@ -129,7 +129,7 @@ impl Agent {
     }
 
     /// Returns the vehicle's own events, in canonical order.
-    pub fn events(&self) -> impl ExactSizeIterator<Item = &Event> + Clone {
+    pub fn events(&self) -> impl ExactSizeIterator<Item = &Event> + DoubleEndedIterator + Clone {
         self.memory.events.iter()
     }
 

@@ -170,6 +170,23 @@ pub struct Counts {
 }
 
 impl Counts {
+    /// Returns each count with its name.
+    pub fn entries(&self) -> [(&'static str, u64); 11] {
+        [
+            ("accepted", self.accepted),
+            ("malformed", self.malformed),
+            ("forged", self.forged),
+            ("other-team", self.other_team),
+            ("unknown-sender", self.unknown_sender),
+            ("duplicate", self.duplicate),
+            ("too-old", self.too_old),
+            ("conflict", self.conflict),
+            ("ahead", self.ahead),
+            ("own-number", self.own_number),
+            ("unusable", self.unusable),
+        ]
+    }
+
     /// Counts a receipt.
     pub(crate) fn count(&mut self, receipt: &Receipt) {
         let counter = match receipt {

@@ -130,6 +130,15 @@ pub const SHARE: Bounds = Bounds::new(0.0, 1.0, "a number from 0 to 1");
 /// Sea states for which a wind speed is defined.
 pub const SEA_STATE: Bounds = Bounds::new(0.0, 6.0, "a number from 0 to 6");
 
+/// Intervals and delays of a vehicle, in seconds.
+pub const INTERVAL_S: Bounds = Bounds::new(0.0, 1e6, "a number of seconds from 0 to 1e6");
+
+/// Standard deviations of positions, in metres.
+pub const SIGMA_M: Bounds = Bounds::new(1e-3, 1e6, "a number of metres from 0.001 to 1e6");
+
+/// Messages in a queue.
+pub const QUEUE: Bounds = Bounds::new(1.0, 1e6, "a whole number from 1 to 1000000");
+
 /// Numbers of worker threads. Zero stands for one thread per core.
 pub const THREADS: Bounds = Bounds::new(0.0, 256.0, "a whole number from 0 to 256");
 

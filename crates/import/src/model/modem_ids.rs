@@ -33,6 +33,13 @@ impl ModemIds {
         Ok(ids)
     }
 
+    /// Returns the table of these ids and vehicles. The name `broadcast` (or `*`) marks the broadcast address.
+    pub fn from_pairs(pairs: impl IntoIterator<Item = (String, VehicleId)>) -> Self {
+        let named =
+            |(id, name): (String, VehicleId)| (normalized(&id), Some(name).filter(|name| !is_everybody(name.as_str())));
+        Self(pairs.into_iter().map(named).collect())
+    }
+
     /// Returns the vehicle that the table lists with an id.
     pub fn lookup(&self, id: &str) -> Option<VehicleId> {
         self.0.get(&normalized(id)).cloned().flatten()

@@ -9,3 +9,4 @@ mod receiver;
 pub(crate) mod micromodem;
 pub(crate) mod goby;
 pub(crate) mod capture;
+pub(crate) mod stream;

@@ -1,0 +1,3 @@
+//! The configuration of one vehicle: `vehicle.toml`.
+
+pub(crate) mod settings;

@@ -1,0 +1,284 @@
+//! Handles the messages of the host.
+
+use pingmap_agent::Position;
+use pingmap_packet::to_hex;
+
+use crate::protocol::fault::{Fault, FaultCode};
+use crate::protocol::input::{FrameIn, FrameLink, Heard, Hello, Input, Listening, Nav, Peer, PeerSource};
+use crate::protocol::output::{Greeting, Message, PROTOCOL};
+use crate::vehicle::ledger::LedgerRecord;
+use crate::vehicle::record::Record;
+use crate::vehicle::slots::{CLOCK, SURFACED, failed};
+use crate::vehicle::state::{Output, Vehicle};
+
+impl Vehicle {
+    /// Handles a message of the host. Returns what the process has to do, in order: store records, send messages.
+    pub fn handle(&mut self, input: Input) -> Vec<Output> {
+        self.inputs += 1;
+        let is_stop = matches!(input, Input::Stop {});
+        match self.dispatch(input) {
+            Ok(()) => {}
+            Err(fault) => self.send(Message::Error { input: self.inputs, fault }),
+        }
+        self.finish(is_stop)
+    }
+
+    /// Answers a line that is no valid message.
+    pub fn refuse(&mut self, fault: Fault) -> Vec<Output> {
+        self.inputs += 1;
+        self.send(Message::Error { input: self.inputs, fault });
+        self.finish(false)
+    }
+
+    /// Continues in memory after the store failed. The vehicle sends nothing from now on. Returns what the process has
+    /// to do instead of the remaining steps.
+    pub fn store_failed(&mut self, problem: &str) -> Vec<Output> {
+        let fault = Fault::new(FaultCode::StoreFailed, format!("the store failed: {problem}"));
+        self.store_problem = Some(problem.into());
+        vec![Output::Send(Message::Error { input: self.inputs, fault }), Output::Send(self.status_report(0))]
+    }
+
+    fn finish(&mut self, is_stop: bool) -> Vec<Output> {
+        let latest_s = self.ledger.latest_s();
+        let base_s = *self.base_s.get_or_insert(latest_s.unwrap_or(f64::INFINITY));
+        let is_due = latest_s.is_some_and(|latest_s| {
+            self.base_s.is_none() || latest_s - base_s >= self.config.store.snapshot_interval_s
+        });
+        if base_s.is_infinite() {
+            self.base_s = None;
+        }
+        let mut outputs = Vec::new();
+        let mut records = std::mem::take(&mut self.records);
+        if self.store_problem.is_none() {
+            if !records.is_empty() {
+                records.extend(latest_s.map(|time_s| Record::Ledger(LedgerRecord::Handled { time_s })));
+                outputs.push(Output::Store(records.iter().map(Record::to_bytes).collect()));
+            }
+            if is_stop || is_due {
+                self.base_s = latest_s;
+                outputs.push(Output::Base(self.base()));
+            }
+        }
+        outputs.extend(std::mem::take(&mut self.messages).into_iter().map(Output::Send));
+        if is_stop {
+            outputs.push(Output::Send(Message::Stopped { inputs: self.inputs }));
+        }
+        outputs
+    }
+
+    fn dispatch(&mut self, input: Input) -> Result<(), Fault> {
+        if let Input::Hello(hello) = &input {
+            return self.greet(hello);
+        }
+        if !self.has_greeted {
+            return Err(Fault::new(FaultCode::NotGreeted, "the first message must be hello"));
+        }
+        let time_s = self.check_times(&input)?;
+        if let Some(time_s) = time_s {
+            self.note_time(time_s);
+        }
+        let is_answered = self.apply_input(input)?;
+        self.count_slots();
+        if !is_answered {
+            self.send(Message::Ok { input: self.inputs });
+        }
+        Ok(())
+    }
+
+    /// Checks the times of a message. Returns its time, if it has one that the clock follows.
+    fn check_times(&self, input: &Input) -> Result<Option<f64>, Fault> {
+        let time_s = match input {
+            Input::Nav(nav) => nav.time,
+            Input::Peer(peer) => peer.time,
+            Input::Sent(at) | Input::NotSent(at) => at.time,
+            Input::Heard(heard) => heard.time,
+            Input::Nmea(nmea) => nmea.time,
+            Input::FrameIn(frame) => frame.time,
+            Input::PiggybackIn(piggyback) => piggyback.time,
+            Input::FrameRequest(request) => request.time,
+            Input::PiggybackRequest(request) => request.time,
+            Input::Departed(departed) => departed.time,
+            Input::Listening(Listening { from, to, .. }) => {
+                self.check_interval(*from, *to)?;
+                return Ok(Some(*to));
+            }
+            Input::Predict(predict) => {
+                // A query may be about any time.
+                return match predict.time {
+                    Some(time_s) => self.check_query_time(time_s).map(|()| None),
+                    None => Ok(None),
+                };
+            }
+            Input::Hello(_) | Input::Dropped(_) | Input::Status {} | Input::Stop {} => return Ok(None),
+        };
+        self.check_time("time", time_s)?;
+        // Requests are about the near future.
+        let is_request = matches!(input, Input::FrameRequest(_) | Input::PiggybackRequest(_));
+        Ok(Some(time_s).filter(|_| !is_request))
+    }
+
+    /// Applies a message after its checks. Returns whether it has sent an answer.
+    fn apply_input(&mut self, input: Input) -> Result<bool, Fault> {
+        match input {
+            Input::Nav(nav) => self.navigate(&nav)?,
+            Input::Peer(peer) => self.locate_peer(&peer)?,
+            Input::Sent(at) => self.note_transmission(at.time),
+            Input::NotSent(at) => self.note_unused_slot(at.time)?,
+            Input::Heard(heard) => self.hear(&heard)?,
+            Input::Listening(listening) => self.note_listening(listening),
+            Input::Nmea(nmea) => self.absorb_sentence(nmea.time, &nmea.sentence)?,
+            Input::FrameIn(frame) => {
+                self.take_frame(&frame)?;
+                return Ok(true);
+            }
+            Input::PiggybackIn(piggyback) => {
+                self.check_peer("from", &piggyback.from)?;
+                self.receive_piggyback(&piggyback)?;
+                self.note_reception(&piggyback.from, piggyback.time)?;
+                return Ok(true);
+            }
+            Input::FrameRequest(request) => {
+                self.propose_frame(&request)?;
+                return Ok(true);
+            }
+            Input::Departed(departed) => self.close_frame(departed.token, Some(departed.time))?,
+            Input::Dropped(dropped) => self.close_frame(dropped.token, None)?,
+            Input::PiggybackRequest(request) => {
+                self.piggyback(&request)?;
+                return Ok(true);
+            }
+            Input::Predict(query) => {
+                self.predict(&query)?;
+                return Ok(true);
+            }
+            Input::Status {} => {
+                let report = self.status_report(self.inputs);
+                self.send(report);
+                return Ok(true);
+            }
+            Input::Hello(_) | Input::Stop {} => return Ok(true),
+        }
+        Ok(false)
+    }
+
+    fn greet(&mut self, hello: &Hello) -> Result<(), Fault> {
+        let team = to_hex(&self.agent.team().digest());
+        if self.has_greeted {
+            return Err(Fault::new(FaultCode::NotGreeted, "hello was sent before"));
+        }
+        if hello.version != PROTOCOL {
+            return Err(Fault::of_field(FaultCode::Mismatch, "version", hello.version, PROTOCOL));
+        }
+        if let Some(other) = hello.vehicle.as_ref().filter(|id| *id != self.id()) {
+            return Err(Fault::of_field(FaultCode::Mismatch, "vehicle", other, self.id()));
+        }
+        if let Some(other) = hello.team.as_ref().filter(|digest| digest.is_empty() || !team.starts_with(*digest)) {
+            return Err(Fault::of_field(FaultCode::Mismatch, "team", other, &team));
+        }
+        self.has_greeted = true;
+        let greeting = Greeting {
+            version: PROTOCOL,
+            program: env!("CARGO_PKG_VERSION").into(),
+            vehicle: self.id().clone(),
+            team,
+            epoch: self.agent.team().epoch,
+            events: self.agent.events().len(),
+            warnings: self.warnings.clone(),
+        };
+        self.send(Message::Hello(greeting));
+        Ok(())
+    }
+
+    fn navigate(&mut self, nav: &Nav) -> Result<(), Fault> {
+        self.check_sigma("clock_sigma", nav.clock_sigma)?;
+        self.check_sigma("sigma", nav.sigma)?;
+        let position = self.position("position", &nav.position)?;
+        let is_latest = self.nav_s.is_none_or(|nav_s| nav.time >= nav_s);
+        if is_latest {
+            self.nav_s = Some(nav.time);
+            self.note_deafness(SURFACED, nav.surfaced, nav.time);
+            let sigma_max_s = self.config.clock.sigma_max_s.unwrap_or(0.25 * self.agent.team().slots.duration_s);
+            let sigma_s = nav.clock_sigma.unwrap_or(self.config.clock.sigma_s);
+            self.note_deafness(CLOCK, sigma_s > sigma_max_s, nav.time);
+        }
+        if nav.sigma.is_some_and(|sigma_m| sigma_m > self.config.navigation.sigma_max_m) {
+            return Ok(());
+        }
+        let id = self.id().clone();
+        self.positions.add(&id, nav.time, position, true);
+        let is_due = self
+            .stored_nav_s
+            .is_none_or(|stored_s| nav.time < stored_s || nav.time - stored_s >= self.config.navigation.interval_s);
+        if is_due {
+            let entries = self.agent.record_positions([(nav.time, position)]).map_err(|error| failed(&error))?;
+            self.records.extend(entries.into_iter().map(Record::Entry));
+            self.stored_nav_s = Some(self.stored_nav_s.map_or(nav.time, |stored_s| stored_s.max(nav.time)));
+        }
+        Ok(())
+    }
+
+    /// Notes that a reason not to receive began or ended.
+    fn note_deafness(&mut self, reason: &str, is_deaf: bool, time_s: f64) {
+        let reason_text = reason.to_owned();
+        match (self.ledger.is_deaf_by(reason), is_deaf) {
+            (false, true) => self.change_ledger(LedgerRecord::DeafSince { from_s: time_s, reason: reason_text }),
+            (true, false) => self.change_ledger(LedgerRecord::DeafUntil { to_s: time_s, reason: reason_text }),
+            _ => {}
+        }
+    }
+
+    fn locate_peer(&mut self, peer: &Peer) -> Result<(), Fault> {
+        self.check_peer("member", &peer.member)?;
+        let position: Position = self.position("position", &peer.position)?;
+        let is_independent = peer.source == PeerSource::Other;
+        self.positions.add(&peer.member, peer.time, position, is_independent);
+        let entry = self.agent.record_peer_position(&peer.member, peer.time, position, is_independent);
+        self.records.extend(entry.map_err(|error| failed(&error))?.map(Record::Entry));
+        Ok(())
+    }
+
+    fn note_unused_slot(&mut self, time_s: f64) -> Result<(), Fault> {
+        let entries = self
+            .agent
+            .record_unused_slots([time_s])
+            .map_err(|_| Fault::of_field(FaultCode::WrongTime, "time", time_s, "a time in a slot of this vehicle"))?;
+        self.records.extend(entries.into_iter().map(Record::Entry));
+        Ok(())
+    }
+
+    fn hear(&mut self, heard: &Heard) -> Result<(), Fault> {
+        self.check_peer("from", &heard.from)?;
+        self.note_reception(&heard.from, heard.time)?;
+        heard.frames.iter().for_each(|frame| self.receive(&frame.0, heard.time));
+        Ok(())
+    }
+
+    fn take_frame(&mut self, frame: &FrameIn) -> Result<(), Fault> {
+        match (&frame.from, frame.link) {
+            (Some(from), FrameLink::Acoustic) => {
+                self.check_peer("from", from)?;
+                self.note_reception(from, frame.time)?;
+            }
+            (None, FrameLink::Acoustic) => {
+                let expected = "the member that transmitted the acoustic message";
+                return Err(Fault::of_field(FaultCode::WrongField, "from", "none", expected));
+            }
+            (_, FrameLink::Other) => {}
+        }
+        self.receive(&frame.bytes.0, frame.time);
+        Ok(())
+    }
+
+    fn note_listening(&mut self, Listening { from, to, not }: Listening) {
+        self.change_ledger(match not {
+            Some(reason) => LedgerRecord::Deaf { from_s: from, to_s: to, reason },
+            None => LedgerRecord::Listened { from_s: from, to_s: to },
+        });
+    }
+
+    fn check_query_time(&self, time_s: f64) -> Result<(), Fault> {
+        use pingmap_agent::bounds::TIME_S;
+        let is_right = TIME_S.check(time_s).is_some();
+        if is_right { Ok(()) } else { Err(Fault::of_field(FaultCode::OutOfBounds, "time", time_s, TIME_S)) }
+    }
+}

@@ -1,0 +1,172 @@
+//! The ledger of slots: what the vehicle knows of slots that are not counted yet.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use pingmap_agent::Slots;
+use serde::{Deserialize, Serialize};
+
+/// Intervals in which the vehicle could not receive, at most. The oldest are forgotten.
+const INTERVALS_MAX: usize = 10_000;
+
+/// A change of the ledger.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) enum LedgerRecord {
+    /// The vehicle heard a member in its slot.
+    Heard { slot: u32 },
+    /// The vehicle transmitted in a slot of its own.
+    Sent { slot: u32 },
+    /// The vehicle could not receive, for this reason.
+    Deaf { from_s: f64, to_s: f64, reason: String },
+    /// From this time on the vehicle could not receive, for this reason.
+    DeafSince { from_s: f64, reason: String },
+    /// The reason ended.
+    DeafUntil { to_s: f64, reason: String },
+    /// The host reported that the vehicle could receive.
+    Listened { from_s: f64, to_s: f64 },
+    /// Slots before this one are counted. Some of them did not count, by reason.
+    Settled { next: u32, excluded: BTreeMap<String, u64> },
+    /// An input of this time was handled.
+    Handled { time_s: f64 },
+}
+
+/// How a slot of another member counts.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum SlotOutcome {
+    /// It counts as heard or missed.
+    Counts { heard: bool },
+    /// It does not count, for this reason.
+    Excluded(String),
+}
+
+/// The slots that are not counted yet, and when the vehicle could receive.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub(crate) struct Ledger {
+    /// The first slot that is not counted.
+    next: u32,
+    /// Latest time of an input.
+    latest_s: Option<f64>,
+    heard: BTreeSet<u32>,
+    sent: BTreeSet<u32>,
+    deaf: Vec<(f64, f64, String)>,
+    /// Reasons that last, and since when.
+    deaf_since_s: BTreeMap<String, f64>,
+    listened: Vec<(f64, f64)>,
+    /// Counted slots of other members that did not count, by reason.
+    pub(crate) excluded: BTreeMap<String, u64>,
+}
+
+impl Ledger {
+    pub(crate) fn apply(&mut self, record: &LedgerRecord) {
+        match record {
+            LedgerRecord::Heard { slot } => drop(self.heard.insert(*slot)),
+            LedgerRecord::Sent { slot } => drop(self.sent.insert(*slot)),
+            LedgerRecord::Deaf { from_s, to_s, reason } => self.add_deaf(*from_s, *to_s, reason),
+            LedgerRecord::DeafSince { from_s, reason } => {
+                self.deaf_since_s.entry(reason.clone()).or_insert(*from_s);
+            }
+            LedgerRecord::DeafUntil { to_s, reason } => {
+                if let Some(from_s) = self.deaf_since_s.remove(reason) {
+                    self.add_deaf(from_s, *to_s, reason);
+                }
+            }
+            LedgerRecord::Listened { from_s, to_s } => {
+                self.listened.push((*from_s, *to_s));
+                let excess = self.listened.len().saturating_sub(INTERVALS_MAX);
+                self.listened.drain(..excess);
+            }
+            LedgerRecord::Settled { next, excluded } => {
+                self.next = self.next.max(*next);
+                excluded.iter().for_each(|(reason, count)| *self.excluded.entry(reason.clone()).or_default() += count);
+                self.heard = self.heard.split_off(&self.next);
+                self.sent = self.sent.split_off(&self.next);
+            }
+            LedgerRecord::Handled { time_s } => {
+                self.latest_s = Some(self.latest_s.map_or(*time_s, |latest_s| latest_s.max(*time_s)));
+            }
+        }
+    }
+
+    fn add_deaf(&mut self, from_s: f64, to_s: f64, reason: &str) {
+        self.deaf.push((from_s, to_s, reason.into()));
+        let excess = self.deaf.len().saturating_sub(INTERVALS_MAX);
+        self.deaf.drain(..excess);
+    }
+
+    /// Returns whether a reason lasts because of which the vehicle cannot receive.
+    pub(crate) fn is_deaf_by(&self, reason: &str) -> bool {
+        self.deaf_since_s.contains_key(reason)
+    }
+
+    /// Forgets intervals that end before the first slot that is not counted.
+    pub(crate) fn forget_intervals(&mut self, slots: &Slots) {
+        let Some(begin_s) = slots.begin_s(self.next) else { return };
+        self.deaf.retain(|(_, to_s, _)| *to_s >= begin_s);
+        self.listened.retain(|(_, to_s)| *to_s >= begin_s);
+    }
+
+    /// Returns the latest time of an input.
+    pub(crate) fn latest_s(&self) -> Option<f64> {
+        self.latest_s
+    }
+
+    /// Returns the slots that ended `settle_s` before the latest input, and are not counted yet.
+    pub(crate) fn due(&self, slots: &Slots, settle_s: f64) -> std::ops::Range<u32> {
+        let latest = self.latest_s.and_then(|latest_s| slots.number(latest_s - settle_s));
+        // The slot of that time has not ended.
+        let end = match latest {
+            Some(latest) => latest,
+            None => self.latest_s.filter(|&s| s > slots.start_s + settle_s).map_or(0, |_| slots.end()),
+        };
+        self.next..end.max(self.next)
+    }
+
+    /// Returns whether a slot is counted already.
+    pub(crate) fn is_settled(&self, slot: u32) -> bool {
+        slot < self.next
+    }
+
+    pub(crate) fn has_sent(&self, slot: u32) -> bool {
+        self.sent.contains(&slot)
+    }
+
+    /// Returns why the vehicle could not receive during a whole interval; `None` if it could.
+    pub(crate) fn deafness(&self, (begin_s, end_s): (f64, f64), listens: bool) -> Option<String> {
+        let overlapping = self.deaf.iter().find(|(from_s, to_s, _)| *from_s < end_s && *to_s > begin_s);
+        if let Some((_, _, reason)) = overlapping {
+            return Some(reason.clone());
+        }
+        if let Some((reason, _)) = self.deaf_since_s.iter().find(|(_, from_s)| **from_s < end_s) {
+            return Some(reason.clone());
+        }
+        (!listens && !self.has_listened(begin_s, end_s)).then(|| "not reported as listening".into())
+    }
+
+    /// Returns whether the reported intervals cover this one.
+    fn has_listened(&self, begin_s: f64, end_s: f64) -> bool {
+        let mut covered_s = begin_s;
+        let mut intervals = self.listened.clone();
+        intervals.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for (from_s, to_s) in intervals {
+            if from_s <= covered_s {
+                covered_s = covered_s.max(to_s);
+            }
+        }
+        covered_s >= end_s
+    }
+
+    /// Decides how a slot of another member counts. The rule does not depend on whether the vehicle heard the slot.
+    pub(crate) fn outcome(&self, slot: u32, span_s: (f64, f64), listens: bool) -> SlotOutcome {
+        match self.deafness(span_s, listens) {
+            Some(reason) => SlotOutcome::Excluded(reason),
+            None => SlotOutcome::Counts { heard: self.heard.contains(&slot) },
+        }
+    }
+}
+
+/// Returns the slot of a message of a member, and its span: from its beginning to the beginning of the next slot with
+/// a sender.
+pub(crate) fn span_s(slots: &Slots, slot: u32) -> Option<(f64, f64)> {
+    let begin_s = slots.begin_s(slot)?;
+    let next = (slot + 1..slots.end()).take(slots.order.len().max(1)).find(|&next| slots.sender(next).is_some());
+    Some((begin_s, next.and_then(|next| slots.begin_s(next)).unwrap_or(begin_s + slots.duration_s)))
+}

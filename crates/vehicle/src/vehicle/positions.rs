@@ -1,0 +1,80 @@
+//! The latest positions of the vehicle and of other members.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use pingmap_agent::{Position, VehicleId};
+
+/// Positions that are kept for each vehicle.
+const FIXES_MAX: usize = 600;
+
+/// Positions in the order of time, the latest ones.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Fixes(VecDeque<(f64, Position)>);
+
+impl Fixes {
+    /// Adds a position. Of several at one time, the last one counts.
+    fn add(&mut self, time_s: f64, position: Position) {
+        let index = self.0.partition_point(|fix| fix.0 < time_s);
+        match self.0.get_mut(index).filter(|fix| fix.0 == time_s) {
+            Some(fix) => fix.1 = position,
+            None => self.0.insert(index, (time_s, position)),
+        }
+        if self.0.len() > FIXES_MAX {
+            self.0.pop_front();
+        }
+    }
+
+    /// Returns the position at a time: that of a fix, or between two fixes that are at most `gap_s_max` apart. An
+    /// unknown heading is the course between them.
+    fn at(&self, time_s: f64, gap_s_max: f64) -> Option<Position> {
+        let after = self.0.partition_point(|fix| fix.0 < time_s);
+        let next = self.0.get(after)?;
+        let before = after.checked_sub(1).and_then(|before| self.0.get(before));
+        let before = before.filter(|before| next.0 - before.0 <= gap_s_max);
+        let course_deg = || before?.1.course_deg(&next.1);
+        if next.0 == time_s {
+            return Some(Position { heading_deg: next.1.heading_deg.or_else(course_deg), ..next.1 });
+        }
+        let (from, to) = (before?, next);
+        let share = (time_s - from.0) / (to.0 - from.0);
+        let along = |a: f64, b: f64| a + share * (b - a);
+        let nearest = if share < 0.5 { from } else { to };
+        Some(Position {
+            east_m: along(from.1.east_m, to.1.east_m),
+            north_m: along(from.1.north_m, to.1.north_m),
+            depth_m: from.1.depth_m.zip(to.1.depth_m).map(|(a, b)| along(a, b)),
+            heading_deg: nearest.1.heading_deg.or_else(course_deg),
+        })
+    }
+}
+
+/// The latest positions by vehicle.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Positions {
+    /// From navigation, or known independently of receptions.
+    independent: BTreeMap<VehicleId, Fixes>,
+    /// The latest position of each vehicle, whatever its source.
+    latest: BTreeMap<VehicleId, (f64, Position)>,
+}
+
+impl Positions {
+    pub(crate) fn add(&mut self, id: &VehicleId, time_s: f64, position: Position, is_independent: bool) {
+        if is_independent {
+            self.independent.entry(id.clone()).or_default().add(time_s, position);
+        }
+        let latest = self.latest.entry(id.clone()).or_insert((time_s, position));
+        if time_s >= latest.0 {
+            *latest = (time_s, position);
+        }
+    }
+
+    /// Returns the position of a vehicle at a time, from positions that are known independently of receptions.
+    pub(crate) fn at(&self, id: &VehicleId, time_s: f64, gap_s_max: f64) -> Option<Position> {
+        self.independent.get(id)?.at(time_s, gap_s_max)
+    }
+
+    /// Returns the latest position of a vehicle.
+    pub(crate) fn latest(&self, id: &VehicleId) -> Option<Position> {
+        self.latest.get(id).map(|(_, position)| *position)
+    }
+}

@@ -1,0 +1,129 @@
+//! Begins with the content of a store.
+
+use std::sync::Arc;
+
+use pingmap_agent::{Agent, AgentError, AgentOptions, Entry, FrameState, Team};
+use pingmap_import::Reference;
+use serde::{Deserialize, Serialize};
+
+use crate::config::settings::VehicleConfig;
+use crate::store::tables::Contents;
+use crate::vehicle::ledger::Ledger;
+use crate::vehicle::record::Record;
+use crate::vehicle::state::{Output, Vehicle};
+use crate::vehicle::trust::Scores;
+
+/// Error in the content of a store.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RestoreError {
+    /// The base is no snapshot of this vehicle.
+    #[error("the base of the store: {0}")]
+    Base(String),
+    /// A record has no valid meaning.
+    #[error("record {index} of the store: {problem}")]
+    Record {
+        /// Index of the record, from 0.
+        index: usize,
+        /// Description of the problem.
+        problem: String,
+    },
+}
+
+/// The content of a base in addition to the snapshot of the agent.
+#[derive(Debug, Default, Serialize, Deserialize)]
+struct Rest {
+    ledger: Ledger,
+    scores: Scores,
+    late_receptions: u64,
+    silence: Option<String>,
+}
+
+impl Vehicle {
+    /// Returns the state as the base of a store. O(entries).
+    pub(crate) fn base(&self) -> Vec<u8> {
+        let snapshot = self.agent.snapshot();
+        let rest = Rest {
+            ledger: self.ledger.clone(),
+            scores: self.scores.clone(),
+            late_receptions: self.late_receptions,
+            silence: self.silence.clone(),
+        };
+        // Numbers are finite and keys are texts, so that this cannot fail.
+        let rest = serde_json::to_vec(&rest).unwrap_or_default();
+        [&(snapshot.len() as u64).to_le_bytes(), snapshot.as_slice(), &rest].concat()
+    }
+
+    /// Creates a vehicle with the content of a store. Fits nothing: the first query does.
+    ///
+    /// # Errors
+    /// [`RestoreError`] for a base or a record that this version cannot read.
+    pub fn restore(
+        config: VehicleConfig,
+        team: Arc<Team>,
+        reference: Reference,
+        contents: &Contents,
+    ) -> Result<Self, RestoreError> {
+        let mut vehicle = match &contents.base {
+            None => Self::new(config, team, reference),
+            Some(base) => Self::from_base(config, team, reference, base).map_err(RestoreError::Base)?,
+        };
+        for (index, bytes) in contents.entries.iter().enumerate() {
+            let record = Record::from_bytes(bytes);
+            record
+                .and_then(|record| vehicle.apply(record))
+                .map_err(|problem| RestoreError::Record { index, problem })?;
+        }
+        vehicle.is_starting = true;
+        Ok(vehicle)
+    }
+
+    fn from_base(config: VehicleConfig, team: Arc<Team>, reference: Reference, base: &[u8]) -> Result<Self, String> {
+        let split = || {
+            let (length, rest) = base.split_first_chunk::<8>()?;
+            rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)
+        };
+        let (snapshot, rest) = split().ok_or_else(|| format!("{} bytes are too few", base.len()))?;
+        let id = config.vehicle.clone();
+        let agent = Agent::restore(id, team, AgentOptions::default(), snapshot).map_err(|error| error.to_string())?;
+        let Rest { ledger, scores, late_receptions, silence } =
+            serde_json::from_slice(rest).map_err(|error| error.to_string())?;
+        Ok(Self { ledger, scores, late_receptions, silence, ..Self::with_agent(config, agent, reference) })
+    }
+
+    fn apply(&mut self, record: Record) -> Result<(), String> {
+        match record {
+            Record::Entry(entry) => {
+                match &entry {
+                    Entry::Sent { number, state: FrameState::Proposed, slot, .. } => {
+                        self.open_frames.insert(*number, *slot);
+                    }
+                    Entry::Sent { number, .. } => drop(self.open_frames.remove(number)),
+                    _ => {}
+                }
+                self.agent.apply(entry).map(drop).map_err(|error: AgentError| error.to_string())?;
+            }
+            Record::Ledger(record) => self.ledger.apply(&record),
+            Record::Score(score) => self.scores.add(score),
+        }
+        Ok(())
+    }
+
+    /// Continues after the store was damaged, with what a snapshot held. Entries after the snapshot are lost, so that
+    /// counters of packets may have been used that the vehicle does not know: it skips a window of them. Without a
+    /// snapshot it cannot know any, and sends nothing. Returns the base for the store.
+    pub fn note_recovery(&mut self, has_snapshot: bool, problem: &str) -> Output {
+        let mut warning = format!("the store was damaged ({problem}); ");
+        if has_snapshot {
+            self.agent.skip_counters();
+            warning += "the vehicle continues from its snapshot, and skips a window of counters";
+        } else {
+            let silence = "the store was damaged and had no snapshot, so that used counters are unknown; raise the \
+                           epoch of the team (`pingmap team --epoch`) to send again";
+            self.silence = Some(silence.into());
+            warning += "there is no snapshot, so that the vehicle begins without data and sends nothing";
+        }
+        self.warnings.push(warning);
+        Output::Base(self.base())
+    }
+}

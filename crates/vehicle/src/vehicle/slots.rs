@@ -1,0 +1,153 @@
+//! Counts slots: heard, missed, or excluded by a rule that does not depend on the outcome.
+
+use std::collections::BTreeMap;
+
+use pingmap_agent::{AgentError, Event, Link, VehicleId, Which};
+
+use crate::protocol::fault::{Fault, FaultCode};
+use crate::protocol::output::{LearnedEvent, Message};
+use crate::vehicle::ledger::{LedgerRecord, SlotOutcome, span_s};
+use crate::vehicle::record::Record;
+use crate::vehicle::state::Vehicle;
+use crate::vehicle::trust::Score;
+
+pub(crate) const SURFACED: &str = "surfaced";
+pub(crate) const CLOCK: &str = "clock uncertain";
+const NOT_RUNNING: &str = "the vehicle was not running";
+const NO_INPUT: &str = "no input from the host";
+
+impl Vehicle {
+    /// Notes the time of an input before it is handled. The vehicle does not know what it could receive in a gap
+    /// without inputs.
+    pub(crate) fn note_time(&mut self, time_s: f64) {
+        let latest_s = self.ledger.latest_s();
+        if self.is_starting {
+            self.is_starting = false;
+            match latest_s {
+                None => {
+                    let next = self.agent.team().slots.number(time_s).unwrap_or(0);
+                    self.change_ledger(LedgerRecord::Settled { next, excluded: BTreeMap::new() });
+                    let (from_s, reason) = (f64::MIN, NOT_RUNNING.into());
+                    self.change_ledger(LedgerRecord::Deaf { from_s, to_s: time_s, reason });
+                }
+                Some(latest_s) if time_s > latest_s => {
+                    let reason = NOT_RUNNING.into();
+                    self.change_ledger(LedgerRecord::Deaf { from_s: latest_s, to_s: time_s, reason });
+                }
+                Some(_) => {}
+            }
+        } else if let Some(latest_s) = latest_s.filter(|latest_s| time_s - latest_s > self.config.clock.gap_s) {
+            self.change_ledger(LedgerRecord::Deaf { from_s: latest_s, to_s: time_s, reason: NO_INPUT.into() });
+        }
+        self.ledger.apply(&LedgerRecord::Handled { time_s });
+    }
+
+    /// Notes that a message of another member arrived at a time.
+    pub(crate) fn note_reception(&mut self, from: &VehicleId, time_s: f64) -> Result<(), Fault> {
+        match self.agent.team().slots.sent_in(time_s, from) {
+            Some(slot) if self.ledger.is_settled(slot) => self.late_receptions += 1,
+            Some(slot) => self.change_ledger(LedgerRecord::Heard { slot }),
+            // It never counts, and may show a wrong clock.
+            None => match self.agent.record_outcome(from, time_s, true) {
+                Ok(entry) => self.records.extend(entry.map(Record::Entry)),
+                Err(AgentError::NoSlot { .. }) => {}
+                Err(error) => return Err(failed(&error)),
+            },
+        }
+        Ok(())
+    }
+
+    /// Counts the slots that ended long enough ago.
+    pub(crate) fn count_slots(&mut self) {
+        let slots = self.agent.team().slots.clone();
+        let due = self.ledger.due(&slots, self.config.slots.settle_s);
+        if due.is_empty() {
+            return;
+        }
+        let own = self.id().clone();
+        let mut excluded = BTreeMap::<String, u64>::new();
+        for slot in due.clone() {
+            let Some((sender, span_s)) = slots.sender(slot).zip(span_s(&slots, slot)) else { continue };
+            if *sender == own {
+                self.count_own_slot(slot, span_s);
+                continue;
+            }
+            match self.ledger.outcome(slot, span_s, self.config.slots.listens) {
+                SlotOutcome::Excluded(reason) => *excluded.entry(reason).or_default() += 1,
+                SlotOutcome::Counts { heard } => {
+                    if let Err(error) = self.learn(sender, span_s.0, heard) {
+                        let fault = failed(&error);
+                        self.send(Message::Error { input: self.inputs, fault });
+                    }
+                }
+            }
+        }
+        self.change_ledger(LedgerRecord::Settled { next: due.end, excluded });
+        self.ledger.forget_intervals(&slots);
+        self.refit_if_due();
+    }
+
+    /// Tells the team that an own slot was not used.
+    fn count_own_slot(&mut self, slot: u32, span_s: (f64, f64)) {
+        let is_open = self.open_frames.values().any(|&expected| expected == Some(slot));
+        let was_running = !matches!(self.ledger.deafness(span_s, true).as_deref(), Some(NOT_RUNNING | NO_INPUT));
+        if self.config.slots.reports_transmissions && was_running && !is_open && !self.ledger.has_sent(slot) {
+            let entries = self.agent.record_unused_slots([span_s.0]).unwrap_or_default();
+            self.records.extend(entries.into_iter().map(Record::Entry));
+        }
+    }
+
+    /// Learns the outcome of a slot: as an event if the host knows both positions independently of receptions, and
+    /// else as an outcome without positions.
+    fn learn(&mut self, from: &VehicleId, time_s: f64, heard: bool) -> Result<(), AgentError> {
+        let gap_s = self.gap_s_max();
+        let ends = self.positions.at(from, time_s, gap_s).zip(self.positions.at(self.id(), time_s, gap_s));
+        let event = ends.map(|(transmitter, receiver)| Event {
+            time_s,
+            transmitter_id: from.clone(),
+            receiver_id: self.id().clone(),
+            link: Link { transmitter, receiver },
+            kind: None,
+            success: heard,
+        });
+        let mut learned = LearnedEvent { time: time_s, from: from.clone(), heard, probability: None, by_range: None };
+        match event.filter(|event| self.is_usable(event)) {
+            Some(event) => {
+                let map = self.agent.predict([event.query()], Which::Fused)?[0].probability;
+                let by_range = self.probability_by_range(&event.link);
+                (learned.probability, learned.by_range) = (Some(map), Some(by_range));
+                let entries = self.agent.record([event])?;
+                self.records.extend(entries.into_iter().map(Record::Entry));
+                let score = Score { map, by_range, heard };
+                self.scores.add(score);
+                self.records.push(Record::Score(score));
+            }
+            None => {
+                let entry = self.agent.record_outcome(from, time_s, heard)?;
+                self.records.extend(entry.map(Record::Entry));
+            }
+        }
+        self.send(Message::Event(learned));
+        Ok(())
+    }
+
+    pub(crate) fn probability_by_range(&mut self, link: &Link) -> f64 {
+        let events = self.agent.events();
+        self.by_range.probability(events.len(), events, link)
+    }
+
+    /// Fits again if enough data changed. The last fit stays after a failure.
+    pub(crate) fn refit_if_due(&mut self) {
+        if !self.agent.refit_due() {
+            return;
+        }
+        if let Err(error) = self.agent.refit() {
+            let fault = failed(&error);
+            self.send(Message::Error { input: self.inputs, fault });
+        }
+    }
+}
+
+pub(crate) fn failed(error: &AgentError) -> Fault {
+    Fault::new(FaultCode::Failed, format!("a computation failed: {error}"))
+}

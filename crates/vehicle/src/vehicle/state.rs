@@ -1,0 +1,127 @@
+//! The state of one vehicle.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use pingmap_agent::{Agent, AgentOptions, Team, VehicleId};
+use pingmap_import::{ModemStream, Reference};
+
+use crate::config::settings::VehicleConfig;
+use crate::protocol::output::Message;
+use crate::vehicle::ledger::{Ledger, LedgerRecord};
+use crate::vehicle::positions::Positions;
+use crate::vehicle::record::Record;
+use crate::vehicle::trust::{RangeModel, Scores};
+
+/// One step that the process takes after an input. It takes all of them in their order.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Output {
+    /// Append these records to the store. They must survive a crash before the next step. After a failure call
+    /// [`Vehicle::store_failed`] instead of the remaining steps.
+    Store(Vec<Vec<u8>>),
+    /// Replace the base of the store, and write it as a snapshot next to the store.
+    Base(Vec<u8>),
+    /// Send a message to the host.
+    Send(Message),
+}
+
+/// One vehicle as a state machine without input or output, clock, or threads.
+///
+/// [`Vehicle::handle`] takes a message of the host. The times in messages are the only clock. Equal inputs give equal
+/// outputs. [`Vehicle::restore`] begins with the content of a store.
+///
+/// The vehicle counts the slots of other members. A slot of a member counts as heard or missed if the vehicle could
+/// receive during the whole slot. It counts a few seconds after its end, when the positions of both ends are known.
+/// Nothing in this rule depends on whether the message was heard.
+pub struct Vehicle {
+    pub(crate) config: VehicleConfig,
+    pub(crate) reference: Reference,
+    pub(crate) agent: Agent,
+    pub(crate) ledger: Ledger,
+    pub(crate) scores: Scores,
+    pub(crate) by_range: RangeModel,
+    pub(crate) positions: Positions,
+    pub(crate) modem: ModemStream,
+    /// Frames that neither departed nor were dropped, with their expected slots.
+    pub(crate) open_frames: BTreeMap<u64, Option<u32>>,
+    /// Why the vehicle sends nothing.
+    pub(crate) silence: Option<String>,
+    /// The failure of the store.
+    pub(crate) store_problem: Option<String>,
+    /// Warnings of the start, for the greeting.
+    pub(crate) warnings: Vec<String>,
+    pub(crate) has_greeted: bool,
+    /// Whether no input with a time was handled since the start.
+    pub(crate) is_starting: bool,
+    pub(crate) inputs: u64,
+    pub(crate) late_receptions: u64,
+    /// Time of the last stored own position.
+    pub(crate) stored_nav_s: Option<f64>,
+    /// Time of the last navigation.
+    pub(crate) nav_s: Option<f64>,
+    /// Time of the last base.
+    pub(crate) base_s: Option<f64>,
+    /// Records and messages of the present input.
+    pub(crate) records: Vec<Record>,
+    pub(crate) messages: Vec<Message>,
+}
+
+impl Vehicle {
+    /// Creates a vehicle without data.
+    pub fn new(config: VehicleConfig, team: Arc<Team>, reference: Reference) -> Self {
+        let agent = Agent::new(config.vehicle.clone(), team, AgentOptions::default());
+        Self::with_agent(config, agent, reference)
+    }
+
+    pub(crate) fn with_agent(config: VehicleConfig, mut agent: Agent, reference: Reference) -> Self {
+        config.muted.iter().for_each(|member| agent.set_muted(member, true));
+        Self {
+            modem: ModemStream::new(config.modem_ids()),
+            config,
+            reference,
+            agent,
+            ledger: Ledger::default(),
+            scores: Scores::default(),
+            by_range: RangeModel::default(),
+            positions: Positions::default(),
+            open_frames: BTreeMap::new(),
+            silence: None,
+            store_problem: None,
+            warnings: Vec::new(),
+            has_greeted: false,
+            is_starting: true,
+            inputs: 0,
+            late_receptions: 0,
+            stored_nav_s: None,
+            nav_s: None,
+            base_s: None,
+            records: Vec::new(),
+            messages: Vec::new(),
+        }
+    }
+
+    /// Returns the agent: its events, posteriors and team.
+    pub fn agent(&self) -> &Agent {
+        &self.agent
+    }
+
+    /// Returns the name of the vehicle.
+    pub fn id(&self) -> &VehicleId {
+        self.agent.id()
+    }
+
+    /// Applies a change of the ledger, and notes it for the store.
+    pub(crate) fn change_ledger(&mut self, record: LedgerRecord) {
+        self.ledger.apply(&record);
+        self.records.push(Record::Ledger(record));
+    }
+
+    pub(crate) fn send(&mut self, message: Message) {
+        self.messages.push(message);
+    }
+
+    /// Returns the longest time between two positions of which a position in between is known, in seconds.
+    pub(crate) fn gap_s_max(&self) -> f64 {
+        2.0 * self.agent.team().extrapolation_s_max
+    }
+}
