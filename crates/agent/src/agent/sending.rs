@@ -86,8 +86,8 @@ impl Agent {
         self.change_frame(number, FrameState::Dropped, None)
     }
 
-    /// Skips a window of counters. A vehicle that was restored from a snapshot older than its last packets may have used
-    /// counters that it does not know. Every receiver forgets these packets. A snapshot holds the result.
+    /// Skips a window of counters. A vehicle that was restored from a snapshot older than its last packets may have
+    /// used counters that it does not know. Every receiver forgets these packets. A snapshot holds the result.
     pub fn skip_counters(&mut self) {
         if let Some(own) = self.memory.own {
             let last = self.memory.packets.next_counter(own) + u32::from(self.team().packets_per_sender_max) - 1;
