@@ -29,8 +29,8 @@ mod protocol;
 mod vehicle;
 
 pub use config::settings::{
-    ClockSettings, ConfigError, HostSettings, Listen, LogFormat, LogSettings, NavigationSettings, SlotSettings,
-    StoreSettings, VEHICLE_SCHEMA, VehicleConfig,
+    ClockSettings, ConfigError, HostSettings, Listen, LogFormat, LogSettings, NavigationSettings, SharingSettings,
+    SlotSettings, StoreSettings, VEHICLE_SCHEMA, VehicleConfig,
 };
 pub use protocol::fault::{Fault, FaultCode};
 pub use protocol::hex::Hex;

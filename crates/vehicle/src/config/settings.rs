@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use pingmap_agent::bounds::{INTERVAL_S, QUEUE, SIGMA_M};
-use pingmap_agent::{Bounds, VehicleId};
+use pingmap_agent::{AgentOptions, Bounds, Sharing, VehicleId};
 use pingmap_import::ModemIds;
 use serde::{Deserialize, Serialize};
 
@@ -36,6 +36,9 @@ pub struct VehicleConfig {
     /// Modem ids and the vehicles behind them, for `nmea` messages. An id that is not listed is itself a name.
     #[serde(default)]
     pub modem_ids: BTreeMap<String, VehicleId>,
+    /// What the vehicle shares.
+    #[serde(default)]
+    pub sharing: SharingSettings,
     /// Navigation.
     #[serde(default)]
     pub navigation: NavigationSettings,
@@ -101,6 +104,22 @@ pub struct SlotSettings {
 impl Default for SlotSettings {
     fn default() -> Self {
         Self { listens: true, reports_transmissions: true, settle_s: 5.0 }
+    }
+}
+
+/// See [`VehicleConfig::sharing`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SharingSettings {
+    /// Whether the vehicle sends reports: single outcomes by slot, and its track.
+    pub reports: bool,
+    /// Whether the vehicle sends summaries, for events that no report carries.
+    pub summaries: bool,
+}
+
+impl Default for SharingSettings {
+    fn default() -> Self {
+        Self { reports: true, summaries: true }
     }
 }
 
@@ -261,6 +280,12 @@ impl VehicleConfig {
             },
             _ => Err(wrong()),
         }
+    }
+
+    /// Returns the options of the agent.
+    pub(crate) fn agent_options(&self) -> AgentOptions {
+        let SharingSettings { reports, summaries } = self.sharing;
+        AgentOptions { sharing: Sharing { reports, summaries, ..Sharing::default() }, ..AgentOptions::default() }
     }
 
     /// Returns the vehicles behind modem ids.

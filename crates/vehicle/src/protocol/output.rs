@@ -19,10 +19,12 @@ pub const PROTOCOL: u32 = 1;
 pub enum Message {
     /// The answer to `hello`.
     Hello(Greeting),
-    /// The input was handled, and its content is stored.
+    /// The input was handled.
     Ok {
         /// Number of the input.
         input: u64,
+        /// Whether its content is stored, and survives a crash. False after the store failed.
+        stored: bool,
     },
     /// The input was not handled.
     Error {

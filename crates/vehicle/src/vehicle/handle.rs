@@ -80,7 +80,7 @@ impl Vehicle {
         let is_answered = self.apply_input(input)?;
         self.count_slots();
         if !is_answered {
-            self.send(Message::Ok { input: self.inputs });
+            self.send(Message::Ok { input: self.inputs, stored: self.store_problem.is_none() });
         }
         Ok(())
     }

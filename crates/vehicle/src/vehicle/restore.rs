@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use pingmap_agent::{Agent, AgentError, AgentOptions, Entry, FrameState, Team};
+use pingmap_agent::{Agent, AgentError, Entry, FrameState, Team};
 use pingmap_import::Reference;
 use serde::{Deserialize, Serialize};
 
@@ -85,7 +85,7 @@ impl Vehicle {
         };
         let (snapshot, rest) = split().ok_or_else(|| format!("{} bytes are too few", base.len()))?;
         let id = config.vehicle.clone();
-        let agent = Agent::restore(id, team, AgentOptions::default(), snapshot).map_err(|error| error.to_string())?;
+        let agent = Agent::restore(id, team, config.agent_options(), snapshot).map_err(|error| error.to_string())?;
         let Rest { ledger, scores, late_receptions, silence } =
             serde_json::from_slice(rest).map_err(|error| error.to_string())?;
         Ok(Self { ledger, scores, late_receptions, silence, ..Self::with_agent(config, agent, reference) })

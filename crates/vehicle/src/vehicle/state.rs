@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use pingmap_agent::{Agent, AgentOptions, Team, VehicleId};
+use pingmap_agent::{Agent, Team, VehicleId};
 use pingmap_import::{ModemStream, Reference};
 
 use crate::config::settings::VehicleConfig;
@@ -69,7 +69,7 @@ pub struct Vehicle {
 impl Vehicle {
     /// Creates a vehicle without data.
     pub fn new(config: VehicleConfig, team: Arc<Team>, reference: Reference) -> Self {
-        let agent = Agent::new(config.vehicle.clone(), team, AgentOptions::default());
+        let agent = Agent::new(config.vehicle.clone(), team, config.agent_options());
         Self::with_agent(config, agent, reference)
     }
 
