@@ -13,4 +13,5 @@ mod power_loss;
 mod recovery;
 mod refusals;
 mod round_trip;
+mod simulation;
 mod snapshots;
