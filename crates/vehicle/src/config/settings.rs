@@ -36,7 +36,7 @@ pub struct VehicleConfig {
     /// Modem ids and the vehicles behind them, for `nmea` messages. An id that is not listed is itself a name.
     #[serde(default)]
     pub modem_ids: BTreeMap<String, VehicleId>,
-    /// What the vehicle shares.
+    /// Kinds of frames that the vehicle sends.
     #[serde(default)]
     pub sharing: SharingSettings,
     /// Navigation.

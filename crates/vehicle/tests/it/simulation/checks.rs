@@ -1,4 +1,4 @@
-//! What must hold after every run.
+//! Invariants of every run.
 
 /// A broken invariant.
 #[derive(Debug, Clone, PartialEq)]

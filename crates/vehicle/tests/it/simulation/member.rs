@@ -20,7 +20,7 @@ pub struct Member {
     pub disk: SimDisk,
     store: Option<Store>,
     pub vehicle: Vehicle,
-    /// What the store has acknowledged.
+    /// The content that the store has acknowledged.
     acknowledged: Contents,
     /// The content to which the last failed write had led.
     failed: Option<Contents>,

@@ -1,8 +1,8 @@
 //! A whole team of real vehicles in a simulated world, driven by one seed: water, clocks, hosts and disks.
 //!
-//! The world injects faults: loss, duplicates, late frames, bit flips, forged and replayed frames, crashes at any write,
-//! writes without a sync that are lost or torn, full disks, clocks that jump and drift, unused slots, frames that
-//! expire, and one faulty member. Checkers compare what the vehicles did with what the world knows.
+//! The world injects faults of the channel: loss, duplicates, late frames, bit flips, forged and replayed frames. Disks
+//! crash at any write, lose or tear unsynced writes, and fill up. Clocks jump and drift. Slots stay unused, frames
+//! expire, and one member is faulty. Checkers compare the vehicles with the state of the world.
 //!
 //! `VEHICLE_SEEDS=10000 cargo nextest run --release -p pingmap-vehicle simulation` runs more seeds.
 

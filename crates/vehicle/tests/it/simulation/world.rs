@@ -280,7 +280,7 @@ impl World {
     /// Whether the receiver listens in a slot. Its host reports when it does not.
     fn listens(&mut self, slot: usize, receiver: usize, success: bool) -> bool {
         let is_deaf =
-            self.rng.random_ratio(1, 15) || self.sabotage == Sabotage::HideMisses && !success && slot % 2 == 0;
+            self.rng.random_ratio(1, 15) || self.sabotage == Sabotage::HideMisses && !success && slot.is_multiple_of(2);
         if is_deaf {
             let time = self.clock_s(receiver, slot, SLOT_S * (slot + 1) as f64);
             let (from, to, not) = (time + 1.0, time + 3.0, Some("busy".into()));
@@ -428,7 +428,7 @@ fn team(trial: &Simulated, names: &[VehicleId], seed: u64, sabotage: Sabotage, e
     let mut limits = team.limits;
     limits.events_max = if sabotage == Sabotage::RaiseLimit { 100_000 } else { events_max };
     let exclusion_threshold_sd = if sabotage == Sabotage::TrustLiars { 1e9 } else { team.exclusion_threshold_sd };
-    let piggyback = Some(seed % 3 == 0);
+    let piggyback = Some(seed.is_multiple_of(3));
     let bytes = std::array::from_fn(|index| (index as u64 * 37 + seed) as u8);
     let key = Some(Key::new(bytes).unwrap());
     Team { slots, limits, exclusion_threshold_sd, piggyback, key, ..team }
