@@ -2,6 +2,7 @@
 
 pub mod check;
 pub mod demo;
+pub mod fleet;
 pub mod import;
 pub mod learn;
 pub mod map;
@@ -49,6 +50,7 @@ commands! {
     Import(import::Options),
     Check(check::Options),
     Replay(replay::Options),
+    Fleet(fleet::Options),
     Learn(learn::Options),
     Predict(predict::Options),
     Map(map::Options),
