@@ -6,7 +6,7 @@ use pingmap_packet::to_hex;
 use crate::protocol::fault::{Fault, FaultCode};
 use crate::protocol::input::{FrameIn, FrameLink, Heard, Hello, Input, Listening, Nav, Peer, PeerSource};
 use crate::protocol::output::{Greeting, Message, PROTOCOL};
-use crate::vehicle::ledger::LedgerRecord;
+use crate::vehicle::ledger::{LedgerRecord, shortened};
 use crate::vehicle::record::Record;
 use crate::vehicle::slots::{CLOCK, SURFACED, failed};
 use crate::vehicle::state::{Output, Vehicle};
@@ -40,13 +40,9 @@ impl Vehicle {
 
     fn finish(&mut self, is_stop: bool) -> Vec<Output> {
         let latest_s = self.ledger.latest_s();
-        let base_s = *self.base_s.get_or_insert(latest_s.unwrap_or(f64::INFINITY));
-        let is_due = latest_s.is_some_and(|latest_s| {
-            self.base_s.is_none() || latest_s - base_s >= self.config.store.snapshot_interval_s
-        });
-        if base_s.is_infinite() {
-            self.base_s = None;
-        }
+        let interval_s = self.config.store.snapshot_interval_s;
+        let is_due = latest_s.zip(self.base_s).is_some_and(|(latest_s, base_s)| latest_s - base_s >= interval_s);
+        self.base_s = self.base_s.or(latest_s);
         let mut outputs = Vec::new();
         let mut records = std::mem::take(&mut self.records);
         if self.store_problem.is_none() {
@@ -193,7 +189,9 @@ impl Vehicle {
         self.check_sigma("clock_sigma", nav.clock_sigma)?;
         self.check_sigma("sigma", nav.sigma)?;
         let position = self.position("position", &nav.position)?;
-        let is_latest = self.nav_s.is_none_or(|nav_s| nav.time >= nav_s);
+        // A clock that is set back is no late message.
+        let gap_s = self.config.clock.gap_s;
+        let is_latest = self.nav_s.is_none_or(|nav_s| nav.time >= nav_s || nav.time < nav_s - gap_s);
         if is_latest {
             self.nav_s = Some(nav.time);
             self.note_deafness(SURFACED, nav.surfaced, nav.time);
@@ -206,13 +204,12 @@ impl Vehicle {
         }
         let id = self.id().clone();
         self.positions.add(&id, nav.time, position, true);
-        let is_due = self
-            .stored_nav_s
-            .is_none_or(|stored_s| nav.time < stored_s || nav.time - stored_s >= self.config.navigation.interval_s);
+        let interval_s = self.config.navigation.interval_s;
+        let is_due = self.stored_nav_s.is_none_or(|stored_s| (nav.time - stored_s).abs() >= interval_s);
         if is_due {
             let entries = self.agent.record_positions([(nav.time, position)]).map_err(|error| failed(&error))?;
             self.records.extend(entries.into_iter().map(Record::Entry));
-            self.stored_nav_s = Some(self.stored_nav_s.map_or(nav.time, |stored_s| stored_s.max(nav.time)));
+            self.stored_nav_s = Some(nav.time);
         }
         Ok(())
     }
@@ -271,7 +268,7 @@ impl Vehicle {
 
     fn note_listening(&mut self, Listening { from, to, not }: Listening) {
         self.change_ledger(match not {
-            Some(reason) => LedgerRecord::Deaf { from_s: from, to_s: to, reason },
+            Some(reason) => LedgerRecord::Deaf { from_s: from, to_s: to, reason: shortened(&reason) },
             None => LedgerRecord::Listened { from_s: from, to_s: to },
         });
     }

@@ -8,6 +8,12 @@ use serde::{Deserialize, Serialize};
 /// Intervals in which the vehicle could not receive, at most. The oldest are forgotten.
 const INTERVALS_MAX: usize = 10_000;
 
+/// Different reasons that are counted. Further ones are counted as other reasons.
+const REASONS_MAX: usize = 32;
+
+/// Longest text of a reason, in characters.
+const REASON_CHARS_MAX: usize = 60;
+
 /// A change of the ledger.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) enum LedgerRecord {
@@ -76,7 +82,7 @@ impl Ledger {
             }
             LedgerRecord::Settled { next, excluded } => {
                 self.next = self.next.max(*next);
-                excluded.iter().for_each(|(reason, count)| *self.excluded.entry(reason.clone()).or_default() += count);
+                excluded.iter().for_each(|(reason, count)| self.add_excluded(reason, *count));
                 self.heard = self.heard.split_off(&self.next);
                 self.sent = self.sent.split_off(&self.next);
             }
@@ -90,6 +96,12 @@ impl Ledger {
         self.deaf.push((from_s, to_s, reason.into()));
         let excess = self.deaf.len().saturating_sub(INTERVALS_MAX);
         self.deaf.drain(..excess);
+    }
+
+    fn add_excluded(&mut self, reason: &str, count: u64) {
+        let is_known = self.excluded.contains_key(reason) || self.excluded.len() < REASONS_MAX;
+        let reason = if is_known { reason } else { "other reasons" };
+        *self.excluded.entry(reason.into()).or_default() += count;
     }
 
     /// Returns whether a reason lasts because of which the vehicle cannot receive.
@@ -169,4 +181,9 @@ pub(crate) fn span_s(slots: &Slots, slot: u32) -> Option<(f64, f64)> {
     let begin_s = slots.begin_s(slot)?;
     let next = (slot + 1..slots.end()).take(slots.order.len().max(1)).find(|&next| slots.sender(next).is_some());
     Some((begin_s, next.and_then(|next| slots.begin_s(next)).unwrap_or(begin_s + slots.duration_s)))
+}
+
+/// Returns the text of a reason, shortened.
+pub(crate) fn shortened(reason: &str) -> String {
+    reason.chars().take(REASON_CHARS_MAX).collect()
 }

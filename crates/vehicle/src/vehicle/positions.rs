@@ -48,6 +48,9 @@ impl Fixes {
     }
 }
 
+/// A vehicle, a time, and east, north, depth and heading.
+pub(crate) type StoredPosition = (VehicleId, f64, [Option<f64>; 4]);
+
 /// The latest positions by vehicle.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Positions {
@@ -71,6 +74,24 @@ impl Positions {
     /// Returns the position of a vehicle at a time, from positions that are known independently of receptions.
     pub(crate) fn at(&self, id: &VehicleId, time_s: f64, gap_s_max: f64) -> Option<Position> {
         self.independent.get(id)?.at(time_s, gap_s_max)
+    }
+
+    /// Returns the latest position of each vehicle, and its time: for a store.
+    pub(crate) fn stored(&self) -> Vec<StoredPosition> {
+        let stored = |(id, &(time_s, at)): (&VehicleId, &(f64, Position))| {
+            (id.clone(), time_s, [Some(at.east_m), Some(at.north_m), at.depth_m, at.heading_deg])
+        };
+        self.latest.iter().map(stored).collect()
+    }
+
+    /// Takes the latest position of each vehicle from a store.
+    pub(crate) fn restore(&mut self, stored: Vec<StoredPosition>) {
+        for (id, time_s, [east_m, north_m, depth_m, heading_deg]) in stored {
+            if let Some((east_m, north_m)) = east_m.zip(north_m) {
+                let position = Position { east_m, north_m, depth_m, heading_deg };
+                self.latest.insert(id, (time_s, position));
+            }
+        }
     }
 
     /// Returns the latest position of a vehicle.

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::config::settings::VehicleConfig;
 use crate::store::tables::Contents;
 use crate::vehicle::ledger::Ledger;
+use crate::vehicle::positions::StoredPosition;
 use crate::vehicle::record::Record;
 use crate::vehicle::state::{Output, Vehicle};
 use crate::vehicle::trust::Scores;
@@ -37,6 +38,7 @@ struct Rest {
     scores: Scores,
     late_receptions: u64,
     silence: Option<String>,
+    positions: Vec<StoredPosition>,
 }
 
 impl Vehicle {
@@ -48,6 +50,7 @@ impl Vehicle {
             scores: self.scores.clone(),
             late_receptions: self.late_receptions,
             silence: self.silence.clone(),
+            positions: self.positions.stored(),
         };
         // Numbers are finite and keys are texts, so that this cannot fail.
         let rest = serde_json::to_vec(&rest).unwrap_or_default();
@@ -86,9 +89,11 @@ impl Vehicle {
         let (snapshot, rest) = split().ok_or_else(|| format!("{} bytes are too few", base.len()))?;
         let id = config.vehicle.clone();
         let agent = Agent::restore(id, team, config.agent_options(), snapshot).map_err(|error| error.to_string())?;
-        let Rest { ledger, scores, late_receptions, silence } =
+        let Rest { ledger, scores, late_receptions, silence, positions } =
             serde_json::from_slice(rest).map_err(|error| error.to_string())?;
-        Ok(Self { ledger, scores, late_receptions, silence, ..Self::with_agent(config, agent, reference) })
+        let mut vehicle = Self::with_agent(config, agent, reference);
+        vehicle.positions.restore(positions);
+        Ok(Self { ledger, scores, late_receptions, silence, ..vehicle })
     }
 
     fn apply(&mut self, record: Record) -> Result<(), String> {
@@ -99,6 +104,13 @@ impl Vehicle {
                         self.open_frames.insert(*number, *slot);
                     }
                     Entry::Sent { number, .. } => drop(self.open_frames.remove(number)),
+                    Entry::Navigated { time_s, position } => {
+                        let id = self.id().clone();
+                        self.positions.add(&id, *time_s, *position, true);
+                    }
+                    Entry::PeerPosition { member, time_s, position, is_independent } => {
+                        self.positions.add(member, *time_s, *position, *is_independent);
+                    }
                     _ => {}
                 }
                 self.agent.apply(entry).map(drop).map_err(|error: AgentError| error.to_string())?;

@@ -8,6 +8,7 @@ mod common;
 mod sim_disk;
 
 mod damage;
+mod handling;
 mod identity;
 mod power_loss;
 mod recovery;

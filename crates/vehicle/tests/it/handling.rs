@@ -1,0 +1,341 @@
+//! One vehicle as a state machine: which slots count, and what its host learns.
+
+use std::sync::Arc;
+
+use pingmap_agent::{Chart, InputSpec, Model, Position, Slots, Team, VehicleId};
+use pingmap_import::Reference;
+use pingmap_vehicle::{
+    Answer, At, Contents, Departed, End, FaultCode, FrameIn, FrameLink, FrameRequest, Heard, Hello, Hex, Input,
+    LearnedEvent, Listening, Message, Nav, Nmea, Output, PROTOCOL, Peer, PeerSource, Place, Predict, QueryLink,
+    StatusReport, StoreState, Token, Vehicle, VehicleConfig,
+};
+
+const SLOT_S: f64 = 10.0;
+
+fn team() -> Arc<Team> {
+    let model = Model::isotropic(Chart::about([]), InputSpec::Positions, dgpc::Shape::Matern52, true, 400.0, 4.0);
+    let names = ["ada", "bob"].map(VehicleId::new);
+    let corners = [-1000.0, 1000.0].map(|east_m| Position::new(east_m, east_m));
+    let team = Team::new(names.clone(), model.unwrap(), corners).unwrap();
+    Arc::new(Team { slots: Slots::cycle(SLOT_S, names.to_vec()), ..team })
+}
+
+fn config(more: &str) -> VehicleConfig {
+    VehicleConfig::parse(&format!("schema = 1\nvehicle = \"ada\"\nteam = \"team.toml\"\n{more}")).unwrap()
+}
+
+/// A vehicle with its store in memory.
+struct Host {
+    vehicle: Vehicle,
+    contents: Contents,
+    config: VehicleConfig,
+    events: Vec<LearnedEvent>,
+}
+
+impl Host {
+    fn new(more: &str) -> Self {
+        let contents = Contents { base: None, entries: Vec::new() };
+        Self::with(config(more), contents)
+    }
+
+    fn with(config: VehicleConfig, contents: Contents) -> Self {
+        let vehicle = Vehicle::restore(config.clone(), team(), Reference::unknown(), &contents).unwrap();
+        let mut host = Self { vehicle, contents, config, events: Vec::new() };
+        host.send(Input::Hello(Hello { version: PROTOCOL, vehicle: None, team: None }));
+        host
+    }
+
+    fn restarted(self) -> Self {
+        Self::with(self.config, self.contents)
+    }
+
+    /// Sends a message, and returns the answer.
+    fn send(&mut self, input: Input) -> Message {
+        let mut answer = None;
+        for output in self.vehicle.handle(input) {
+            match output {
+                Output::Store(records) => self.contents.entries.extend(records),
+                Output::Base(base) => self.contents = Contents { base: Some(base), entries: Vec::new() },
+                Output::Send(Message::Event(event)) => self.events.push(event),
+                Output::Send(message) => answer = Some(message),
+            }
+        }
+        answer.unwrap()
+    }
+
+    fn nav(&mut self, time: f64) {
+        let nav = Nav { time, clock_sigma: None, position: place(0.0), sigma: None, surfaced: false };
+        assert!(matches!(self.send(Input::Nav(nav)), Message::Ok { stored: true, .. }));
+    }
+
+    fn peer(&mut self, time: f64, source: PeerSource) {
+        let position = place(300.0);
+        self.send(Input::Peer(Peer { time, member: VehicleId::new("bob"), position, source }));
+    }
+
+    fn hear(&mut self, time: f64) -> Message {
+        let from = VehicleId::new("bob");
+        self.send(Input::Heard(Heard { time, from, kind: None, frames: Vec::new() }))
+    }
+
+    /// Ten cycles with positions every five seconds. Bob transmits in the second slot of each cycle, and is heard in
+    /// these cycles.
+    fn cycles(&mut self, heard: impl Fn(usize) -> bool, mut disturb: impl FnMut(&mut Self, usize, f64)) {
+        for cycle in 0..10 {
+            let begin_s = 2.0 * SLOT_S * cycle as f64;
+            self.nav(begin_s);
+            self.send(Input::Sent(At { time: begin_s + 0.1, kind: None }));
+            self.peer(begin_s + 5.0, PeerSource::Other);
+            disturb(self, cycle, begin_s + SLOT_S);
+            self.nav(begin_s + SLOT_S + 1.0);
+            if heard(cycle) {
+                self.hear(begin_s + SLOT_S + 2.0);
+            }
+        }
+        self.peer(205.0, PeerSource::Other);
+        self.nav(220.0);
+    }
+
+    fn status(&mut self) -> StatusReport {
+        match self.send(Input::Status {}) {
+            Message::Status(status) => *status,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    fn predict(&mut self, east_m: f64) -> Answer {
+        let link = QueryLink { from: End::Place(place(east_m)), to: End::Member(VehicleId::new("ada")) };
+        match self.send(Input::Predict(Predict { time: None, kind: None, links: vec![link] })) {
+            Message::Prediction { mut links, .. } => links.remove(0),
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
+fn place(east_m: f64) -> Place {
+    Place { x: Some(east_m), y: Some(0.0), ..Place::default() }
+}
+
+fn code(message: &Message) -> FaultCode {
+    match message {
+        Message::Error { fault, .. } => fault.code,
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn every_slot_of_a_peer_counts_as_heard_or_missed() {
+    let mut host = Host::new("");
+    host.cycles(|cycle| cycle % 3 == 0, |_, _, _| {});
+    let outcomes: Vec<bool> = host.events.iter().map(|event| event.heard).collect();
+    assert_eq!(outcomes, [true, false, false, true, false, false, true, false, false, true]);
+    assert!(host.events.iter().all(|event| event.probability.is_some() && event.by_range.is_some()));
+    assert_eq!(host.status().own_events, 10);
+    assert_eq!(host.vehicle.agent().events().next().unwrap().link.transmitter, Position::new(300.0, 0.0));
+}
+
+#[test]
+fn whether_a_slot_counts_does_not_depend_on_whether_it_was_heard() {
+    let counted = |heard: bool| {
+        let mut host = Host::new("");
+        host.cycles(
+            |_| heard,
+            |host, cycle, begin_s| match cycle {
+                2 => {
+                    let (from, to, not) = (begin_s + 4.0, begin_s + 5.0, Some("pinging".into()));
+                    host.send(Input::Listening(Listening { from, to, not }));
+                }
+                4 => {
+                    let position = place(0.0);
+                    let nav = Nav { time: begin_s, clock_sigma: None, position, sigma: None, surfaced: true };
+                    host.send(Input::Nav(nav));
+                }
+                6 => {
+                    let position = place(0.0);
+                    let nav = Nav { time: begin_s, clock_sigma: Some(4.0), position, sigma: None, surfaced: false };
+                    host.send(Input::Nav(nav));
+                }
+                _ => {}
+            },
+        );
+        let times: Vec<f64> = host.events.iter().map(|event| event.time).collect();
+        (times, host.status().excluded_slots)
+    };
+    let (times, excluded) = counted(true);
+    assert_eq!((times.clone(), excluded.clone()), counted(false));
+    assert_eq!(times, [10.0, 30.0, 70.0, 110.0, 150.0, 170.0, 190.0]);
+    let reasons: Vec<(&str, u64)> = excluded.iter().map(|(reason, &count)| (reason.as_str(), count)).collect();
+    assert_eq!(reasons, [("clock uncertain", 1), ("pinging", 1), ("surfaced", 1)]);
+}
+
+#[test]
+fn slots_do_not_count_across_a_restart_or_a_gap_without_inputs() {
+    let mut host = Host::new("clock.gap_s = 60");
+    host.cycles(|_| true, |_, _, _| {});
+    // The slot from 230 s on is under way when the process ends.
+    host.peer(225.0, PeerSource::Other);
+    host.hear(231.0);
+    let before = host.status().own_events;
+    let mut host = host.restarted();
+    assert_eq!(host.status().own_events, before);
+    host.nav(235.0);
+    for time_s in [245.0, 255.0, 265.0] {
+        host.peer(time_s, PeerSource::Other);
+        host.nav(time_s);
+    }
+    // Slot 23 is excluded, slot 25 counts, and the slots in the gap do not.
+    host.nav(400.0);
+    host.nav(460.0);
+    let times: Vec<f64> = host.events.iter().map(|event| event.time).collect();
+    assert_eq!(times, [250.0, 410.0, 430.0, 450.0][..times.len()], "{times:?}");
+    let excluded = host.status().excluded_slots;
+    assert!(excluded["the vehicle was not running"] >= 1 && excluded["no input from the host"] >= 5, "{excluded:?}");
+}
+
+#[test]
+fn outcomes_without_positions_count_when_positions_arrive() {
+    let mut host = Host::new("");
+    for cycle in 0..5 {
+        let begin_s = 2.0 * SLOT_S * f64::from(cycle);
+        host.nav(begin_s);
+        host.nav(begin_s + SLOT_S + 1.0);
+        host.hear(begin_s + SLOT_S + 2.0);
+    }
+    host.nav(120.0);
+    let status = host.status();
+    assert_eq!((status.own_events, status.located_events, status.unlocated_events), (0, 0, 5));
+    assert!(host.events.iter().all(|event| event.probability.is_none()));
+    host.peer(0.0, PeerSource::Other);
+    host.peer(110.0, PeerSource::Other);
+    let status = host.status();
+    assert_eq!((status.located_events, status.unlocated_events), (5, 0));
+}
+
+#[test]
+fn a_reception_after_its_slot_was_counted_is_reported_as_late() {
+    let mut host = Host::new("");
+    host.cycles(|_| false, |_, _, _| {});
+    host.hear(12.0);
+    assert_eq!(host.status().late_receptions, 1);
+    assert_eq!(host.status().own_events, 10);
+}
+
+#[test]
+fn trust_follows_from_predictions_that_were_made_before_the_events() {
+    let mut host = Host::new("");
+    host.nav(0.0);
+    let before = host.predict(300.0);
+    assert!(!before.trusted && before.reason.unwrap().contains("no event"));
+    host.cycles(|_| true, |_, _, _| {});
+    let trust = host.status().trust;
+    let nll = |of: fn(&LearnedEvent) -> Option<f64>| {
+        host.events.iter().map(|event| -of(event).unwrap().ln()).sum::<f64>() / host.events.len() as f64
+    };
+    assert!((trust.map_nll.unwrap() - nll(|event| event.probability)).abs() < 1e-9);
+    assert!((trust.range_nll.unwrap() - nll(|event| event.by_range)).abs() < 1e-9);
+    let evidence = 10.0 * (trust.range_nll.unwrap() - trust.map_nll.unwrap());
+    assert!((trust.map_weight - 1.0 / (1.0 + (-evidence).exp())).abs() < 1e-9);
+    let after = host.predict(300.0);
+    assert_eq!(after.trusted, trust.map_weight >= 0.5);
+    assert!(after.low <= after.probability && after.probability <= after.high && after.probability > 0.8);
+    let restored = host.restarted().status().trust;
+    assert_eq!(restored, trust);
+}
+
+#[test]
+fn a_restart_and_a_base_keep_everything() {
+    let mut host = Host::new("store.snapshot_interval_s = 50");
+    host.cycles(|cycle| cycle % 2 == 0, |_, _, _| {});
+    assert!(host.contents.base.is_some());
+    let (snapshot, status, answer) = (host.vehicle.agent().snapshot(), host.status(), host.predict(200.0));
+    let mut host = host.restarted();
+    assert!(host.vehicle.agent().snapshot() == snapshot);
+    // The live vehicle absorbed the last events, and the restarted one fitted all of them.
+    assert!((host.predict(200.0).probability - answer.probability).abs() < 1e-3);
+    assert_eq!(StatusReport { input: status.input, ..host.status() }, status);
+}
+
+#[test]
+fn a_dropped_frame_is_sent_again_and_tokens_are_checked() {
+    let mut host = Host::new("");
+    host.cycles(|_| true, |_, _, _| {});
+    let request = |host: &mut Host, time: f64| match host.send(Input::FrameRequest(FrameRequest { time, bytes: 32 })) {
+        Message::Frame { token, bytes, .. } => Some((token, bytes)),
+        Message::Nothing { .. } => None,
+        other => panic!("{other:?}"),
+    };
+    let (first, bytes) = request(&mut host, 240.0).unwrap();
+    host.send(Input::Dropped(Token { token: first }));
+    let (second, again) = request(&mut host, 240.0).unwrap();
+    assert!(second > first && again == bytes);
+    assert_eq!(host.status().open_frames, 1);
+    host.send(Input::Departed(Departed { token: second, time: 240.5 }));
+    assert_eq!(host.status().open_frames, 0);
+    assert_eq!(code(&host.send(Input::Dropped(Token { token: 99 }))), FaultCode::UnknownToken);
+    let small = host.send(Input::FrameRequest(FrameRequest { time: 260.0, bytes: 5 }));
+    assert_eq!(code(&small), FaultCode::OutOfBounds);
+}
+
+#[test]
+fn after_a_failure_of_the_store_the_vehicle_continues_in_memory_and_sends_nothing() {
+    let mut host = Host::new("");
+    host.cycles(|_| true, |_, _, _| {});
+    let outputs = host.vehicle.store_failed("no space left");
+    assert!(matches!(&outputs[0], Output::Send(Message::Error { fault, .. }) if fault.code == FaultCode::StoreFailed));
+    assert!(matches!(host.status().store, StoreState::Failed { .. }));
+    let request = Input::FrameRequest(FrameRequest { time: 240.0, bytes: 32 });
+    assert_eq!(code(&host.send(request)), FaultCode::StoreFailed);
+    let nav = Nav { time: 241.0, clock_sigma: None, position: place(0.0), sigma: None, surfaced: false };
+    assert!(matches!(host.send(Input::Nav(nav)), Message::Ok { stored: false, .. }));
+    assert!(host.predict(100.0).probability > 0.5);
+}
+
+#[test]
+fn a_frame_by_an_acoustic_link_names_its_sender_and_shows_that_its_slot_was_heard() {
+    let mut host = Host::new("");
+    host.nav(0.0);
+    let bytes = Hex(vec![0; 32]);
+    let nameless = FrameIn { time: 11.0, from: None, bytes: bytes.clone(), link: FrameLink::Acoustic };
+    assert_eq!(code(&host.send(Input::FrameIn(nameless))), FaultCode::WrongField);
+    host.peer(5.0, PeerSource::Other);
+    let frame = FrameIn { time: 11.0, from: Some(VehicleId::new("bob")), bytes, link: FrameLink::Acoustic };
+    // A damaged frame is a reception all the same.
+    assert!(matches!(host.send(Input::FrameIn(frame)), Message::Acknowledgement { counts: false, .. }));
+    host.peer(25.0, PeerSource::Other);
+    host.nav(30.0);
+    assert_eq!(host.events.iter().map(|event| event.heard).collect::<Vec<_>>(), [true]);
+}
+
+#[test]
+fn sentences_of_a_modem_show_receptions_and_transmissions() {
+    let mut host = Host::new("[modem_ids]\n1 = \"ada\"\n2 = \"bob\"\n");
+    host.nav(0.0);
+    let mut say = |time: f64, sentence: &str| {
+        let answer = host.send(Input::Nmea(Nmea { time, sentence: sentence.into() }));
+        assert!(matches!(answer, Message::Ok { .. }), "{answer:?}");
+    };
+    say(10.5, "$CACYC,0,2,1,0,0,1");
+    say(13.0, "$CARXD,2,1,0,1,00FF");
+    say(14.0, "$CACST,0,120013,0,2,1,0,0,0,0,0,0,0");
+    say(16.0, "$CCCYC,0,1,2,0,0,1");
+    host.peer(5.0, PeerSource::Other);
+    host.peer(25.0, PeerSource::Other);
+    host.nav(30.0);
+    assert_eq!(host.events.iter().map(|event| event.heard).collect::<Vec<_>>(), [true]);
+    let wrong = host.send(Input::Nmea(Nmea { time: 31.0, sentence: "$CARXD,2,1*00".into() }));
+    assert_eq!(code(&wrong), FaultCode::WrongField);
+}
+
+#[test]
+fn own_slots_without_a_transmission_are_reported_as_unused() {
+    let unused = |reports: bool| {
+        let mut host = Host::new(&format!("slots.reports_transmissions = {reports}"));
+        host.cycles(|_| true, |_, _, _| {});
+        // Two further own slots, from 220 s and from 240 s on, have no transmission.
+        for time_s in [230.0, 245.0, 260.0] {
+            host.nav(time_s);
+        }
+        host.contents.entries.iter().filter(|record| record.get(2) == Some(&6)).count()
+    };
+    assert_eq!((unused(false), unused(true)), (0, 3));
+}
