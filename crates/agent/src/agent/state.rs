@@ -280,10 +280,7 @@ impl Agent {
         if let Entry::Observed { event, .. } = &entry {
             self.check_receiver(event)?;
         }
-        let is_frame = !matches!(
-            entry,
-            Entry::Observed { .. } | Entry::Navigated { .. } | Entry::Outcome { .. } | Entry::PeerPosition { .. }
-        );
+        let is_received = matches!(entry, Entry::Received { .. } | Entry::Piggyback { .. });
         let time_s = match &entry {
             Entry::Observed { event, .. } => Some(event.time_s),
             Entry::Navigated { time_s, .. } | Entry::Outcome { time_s, .. } | Entry::PeerPosition { time_s, .. } => {
@@ -294,7 +291,7 @@ impl Agent {
         };
         let effect = self.memory.apply(entry)?;
         self.advance_clock(time_s);
-        if is_frame {
+        if is_received {
             self.counts.count(&effect.receipt);
         }
         // A frame that was sent again is a duplicate, but a report may acknowledge its new slot.
