@@ -1,5 +1,6 @@
 """Fits of events in shards: equality with the fit of all events, lost workers, and bad files."""
 
+import doctest
 import os
 import signal
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
@@ -66,7 +67,7 @@ def test_every_map_gives_the_same_bits(paths):
 
 def test_a_new_worker_in_every_round_changes_no_bit(paths):
     def forgetful(function, *sequences):
-        sharded._kept.clear()
+        sharded._fit._kept.clear()
         return list(map(function, *sequences))
 
     assert bits(sharded.fit(PRIOR, paths, POINTS, map=forgetful)) == bits(sharded.fit(PRIOR, paths, POINTS))
@@ -131,7 +132,7 @@ def test_an_empty_shard_changes_nothing(tmp_path, paths):
 
 
 def test_a_map_that_loses_results_is_refused(paths):
-    with pytest.raises(ValueError, match="map returned 3 contributions of 4 shards"):
+    with pytest.raises(ValueError, match="map returned 3 results of 4 shards"):
         sharded.fit(PRIOR, paths, POINTS, map=lambda function, *sequences: list(map(function, *sequences))[:3])
 
 
@@ -154,3 +155,9 @@ def test_ray_gives_the_same_bits_even_if_a_worker_is_killed(paths):
                 sharded.fit(PRIOR, [*paths, "missing.npy"], POINTS, map=workers.map)
     finally:
         ray.shutdown()
+
+
+@pytest.mark.parametrize("name", sharded.__all__)
+def test_examples_in_the_documentation_are_right(name):
+    for example in doctest.DocTestFinder(exclude_empty=True).find(getattr(sharded, name), name, module=False, globs={}):
+        assert doctest.DocTestRunner().run(example).failed == 0

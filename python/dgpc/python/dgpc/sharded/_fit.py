@@ -1,9 +1,4 @@
-"""Sparse fits of events that exceed the memory of one process.
-
-The events lie in shards: files in NumPy's format ``.npy``, one row an event. Workers read them. Only requests and
-contributions of about M² numbers travel, for M inducing points. Any engine with the interface of ``map`` runs the
-workers: ``concurrent.futures``, Dask, or Ray (``dgpc.ray``).
-"""
+"""Fits of events in shards."""
 
 from __future__ import annotations
 
@@ -12,20 +7,14 @@ import hashlib
 import os
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Sequence
-from pathlib import Path
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._dgpc import Posterior, Prior, Shard, ShardedFit, Summary
-
-__all__ = ["FittedShards", "fit", "write_shards"]
-
-#: A function like ``map``: it applies a function to the items of one or several sequences, in order.
-Map = Callable[..., Iterable[Any]]
-
+from .._dgpc import Posterior, Prior, Shard, ShardedFit, Summary
+from ._files import Map, answers, distinct, naming, opened
 
 #: Largest number of covariances that one process keeps, 59 MB, even if it has all shards.
 COVARIANCES_MAX = 7 << 20
@@ -51,50 +40,6 @@ class FittedShards(NamedTuple):
     """Bytes that each shard received in the last iteration."""
     contribution_bytes: int
     """Bytes that each shard sent in the last iteration."""
-
-
-def write_shards(
-    folder: str | os.PathLike[str], x: ArrayLike, y: ArrayLike, *, shards: int, weights: ArrayLike | None = None
-) -> list[Path]:
-    """Writes events as files of nearly equal size.
-
-    The columns of a file are the d coordinates of the input, the outcome (0 or 1), and the weight if weights are given.
-
-    Parameters
-    ----------
-    folder : path
-        Created if it does not exist. Existing files are not replaced.
-    x : array of shape (N, d)
-    y : array of shape (N,)
-    shards : int
-        Number of files.
-    weights : array of shape (N,), optional
-
-    Returns
-    -------
-    list of Path
-        In the order that `fit` expects.
-
-    Examples
-    --------
-        >>> import tempfile
-        >>> with tempfile.TemporaryDirectory() as folder:
-        ...     [path.name for path in write_shards(folder, [[0.0], [1.0]], [0, 1], shards=2)]
-        ['shard-0000.npy', 'shard-0001.npy']
-    """
-    columns = [np.asarray(x, dtype=float), np.asarray(y, dtype=float)[:, None]]
-    if weights is not None:
-        columns.append(np.asarray(weights, dtype=float)[:, None])
-    if shards < 1:
-        raise ValueError(f"shards must be at least 1, found {shards}")
-    table = np.hstack(columns)
-    Path(folder).mkdir(parents=True, exist_ok=True)
-    paths = [Path(folder) / f"shard-{number:04}.npy" for number in range(shards)]
-    for path, rows in zip(paths, np.array_split(table, shards)):
-        # "x" refuses to replace a file.
-        with open(path, "xb") as file:
-            np.save(file, rows)
-    return paths
 
 
 def fit(
@@ -148,6 +93,7 @@ def fit(
     Examples
     --------
         >>> import dgpc, tempfile
+        >>> from dgpc.sharded import fit, write_shards
         >>> prior = dgpc.Prior(dgpc.Term("squared-exponential", 1.0, variance=4.0, dimension=1))
         >>> x, y = [[0.0], [1.0], [2.0], [3.0]], [1, 1, 0, 0]
         >>> with tempfile.TemporaryDirectory() as folder:
@@ -155,41 +101,26 @@ def fit(
         >>> found.posterior.probability([[0.5], [2.5]]).round(2)
         array([0.75, 0.25])
     """
-    paths = _distinct(shards)
+    paths = distinct(shards)
     run = ShardedFit(prior, np.asarray(inducing_points, dtype=float), messages=messages, tolerance=tolerance,
                      iterations_max=iterations_max)
     model = _Model(prior.to_bytes(), run.inducing_points, weighted, keep, COVARIANCES_MAX // len(paths))
 
-    def answers(request: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-        tasks = len(paths)
-        found = list(map(_contribute, paths, [model] * tasks, [request] * tasks))
-        if len(found) != tasks:
-            raise ValueError(f"map returned {len(found)} contributions of {tasks} shards")
-        return found
+    def contributions_to(request: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        return answers(map, _contribute, paths, [model] * len(paths), [request] * len(paths))
 
     sizes = (0, 0)
     while (request := run.request()) is not None:
-        contributions, before = answers(request), run.iterations
+        contributions, before = contributions_to(request), run.iterations
         run.absorb(contributions)
         if run.iterations > before:
             sizes = (request.nbytes, contributions[0].nbytes)
         if progress is not None:
             progress(run.iterations, run.change)
-    gradient = run.gradient(answers(run.gradient_request()))
+    gradient = run.gradient(contributions_to(run.gradient_request()))
     return FittedShards(
         run.posterior(), run.summary(), run.evidence, gradient, run.iterations, run.change, run.stop or "", *sizes
     )
-
-
-def _distinct(shards: Sequence[str | os.PathLike[str]]) -> list[str]:
-    """Returns the absolute paths of the shards, all of which must differ."""
-    paths = [str(Path(shard).resolve()) for shard in shards]
-    if not paths:
-        raise ValueError("expected at least one shard")
-    for path in paths:
-        if paths.count(path) > 1:
-            raise ValueError(f"{path}: the shard is named twice, so that its events would count twice")
-    return paths
 
 
 class _Model(NamedTuple):
@@ -215,7 +146,7 @@ _lock = threading.Lock()
 
 def _contribute(path: str, model: _Model, request: NDArray[np.float64]) -> NDArray[np.float64]:
     """Returns the contribution of one shard to a request. Runs in a worker."""
-    try:
+    with naming(path):
         key = (path, os.stat(path).st_mtime_ns, model.digest())
         with _lock:
             shard = _kept.pop(key, None)
@@ -225,8 +156,6 @@ def _contribute(path: str, model: _Model, request: NDArray[np.float64]) -> NDArr
         # An empty shard is false, too.
         shard = _read(path, model) if shard is None else shard
         contribution = shard.contribute(request)
-    except (OSError, ValueError) as error:
-        raise ValueError(f"{path}: {error}") from error
     with _lock:
         _kept[key] = shard
         while model.keep is not None and len(_kept) > model.keep:
@@ -235,12 +164,8 @@ def _contribute(path: str, model: _Model, request: NDArray[np.float64]) -> NDArr
 
 
 def _read(path: str, model: _Model) -> Shard:
-    table = np.load(path, mmap_mode="r", allow_pickle=False)
     dimension = model.inducing_points.shape[1]
-    columns = dimension + 1 + model.weighted
-    if table.ndim != 2 or table.shape[1] != columns:
-        named = "inputs, outcome and weight" if model.weighted else "inputs and outcome"
-        raise ValueError(f"expected {columns} columns ({named}), found an array of shape {table.shape}")
+    table = opened(path, dimension + 1 + model.weighted, model.weighted)
     weights = table[:, -1] if model.weighted else None
     prior = Prior.from_bytes(model.prior)
     return Shard(prior, table[:, :dimension], table[:, dimension], model.inducing_points, weights=weights,

@@ -1,0 +1,103 @@
+"""Files of events, and the tasks that read them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+#: A function like ``map``: it applies a function to the items of one or several sequences, in order.
+Map = Callable[..., Iterable[Any]]
+
+
+def write_shards(
+    folder: str | os.PathLike[str], x: ArrayLike, y: ArrayLike, *, shards: int, weights: ArrayLike | None = None
+) -> list[Path]:
+    """Writes events as files of nearly equal size.
+
+    The columns of a file are the d coordinates of the input, the outcome (0 or 1), and the weight if weights are given.
+
+    Parameters
+    ----------
+    folder : path
+        Created if it does not exist. Existing files are not replaced.
+    x : array of shape (N, d)
+    y : array of shape (N,)
+    shards : int
+        Number of files.
+    weights : array of shape (N,), optional
+
+    Returns
+    -------
+    list of Path
+        In the order that `fit` expects.
+
+    Examples
+    --------
+        >>> import tempfile
+        >>> from dgpc.sharded import write_shards
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     [path.name for path in write_shards(folder, [[0.0], [1.0]], [0, 1], shards=2)]
+        ['shard-0000.npy', 'shard-0001.npy']
+    """
+    columns = [np.asarray(x, dtype=float), np.asarray(y, dtype=float)[:, None]]
+    if weights is not None:
+        columns.append(np.asarray(weights, dtype=float)[:, None])
+    if shards < 1:
+        raise ValueError(f"shards must be at least 1, found {shards}")
+    table = np.hstack(columns)
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    paths = [Path(folder) / f"shard-{number:04}.npy" for number in range(shards)]
+    for path, rows in zip(paths, np.array_split(table, shards)):
+        # "x" refuses to replace a file.
+        with open(path, "xb") as file:
+            np.save(file, rows)
+    return paths
+
+
+def distinct(shards: Sequence[str | os.PathLike[str]]) -> list[str]:
+    """Returns the absolute paths of the shards, all of which must differ."""
+    paths = [str(Path(shard).resolve()) for shard in shards]
+    if not paths:
+        raise ValueError("expected at least one shard")
+    for path in paths:
+        if paths.count(path) > 1:
+            raise ValueError(f"{path}: the shard is named twice, so that its events would count twice")
+    return paths
+
+
+def answers(map: Map, task: Callable[..., Any], paths: list[str], *arguments: Sequence[Any]) -> list[Any]:
+    """Runs one task for each shard, and returns the results in the order of the shards."""
+    found = list(map(task, paths, *arguments))
+    if len(found) != len(paths):
+        raise ValueError(f"map returned {len(found)} results of {len(paths)} shards")
+    return found
+
+
+@contextmanager
+def naming(path: str) -> Iterator[None]:
+    """Adds the path of a shard to errors about its content."""
+    try:
+        yield
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{path}: {error}") from error
+
+
+def opened(path: str, columns: int | None, weighted: bool) -> NDArray[Any]:
+    """Opens a shard. Its rows are read from the file when they are used.
+
+    Without a number of columns, any number is accepted that leaves at least one input.
+    """
+    table: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
+    named = "inputs, outcome and weight" if weighted else "inputs and outcome"
+    found = f"({named}), found an array of shape {table.shape}"
+    if columns is None and (table.ndim != 2 or table.shape[1] < 2 + weighted):
+        raise ValueError(f"expected at least {2 + weighted} columns {found}")
+    if columns is not None and (table.ndim != 2 or table.shape[1] != columns):
+        raise ValueError(f"expected {columns} columns {found}")
+    return table
