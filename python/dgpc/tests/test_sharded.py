@@ -161,3 +161,64 @@ def test_ray_gives_the_same_bits_even_if_a_worker_is_killed(paths):
 def test_examples_in_the_documentation_are_right(name):
     for example in doctest.DocTestFinder(exclude_empty=True).find(getattr(sharded, name), name, module=False, globs={}):
         assert doctest.DocTestRunner().run(example).failed == 0
+
+
+TEMPLATE = dgpc.Prior(dgpc.Term("matern52", 1.0, variance=1.0, dimension=2), mean=0.0)
+
+
+def test_learning_from_shards_equals_learning_and_fitting_all_events(paths):
+    learned = dgpc.learn(TEMPLATE, X, Y)
+    found = sharded.learn(TEMPLATE, paths, seed=1, inducing_points=60)
+    assert found.prior == learned.prior and found.search.searched_events == len(Y)
+    whole = dgpc.fit(learned.prior, X, Y, inducing_points=found.inducing_points)
+    np.testing.assert_allclose(found.fit.posterior.latent(PLACES), whole.posterior().latent(PLACES), atol=1e-6)
+    np.testing.assert_allclose(
+        found.fit.posterior.probability(PLACES), learned.fit.posterior().probability(PLACES), atol=0.01
+    )
+
+
+def test_learning_gathers_an_even_seeded_sample_of_all_shards(tmp_path):
+    x, y = wave(4000)
+    number = np.arange(len(y))
+    paths = sharded.write_shards(tmp_path, np.column_stack([x, number]), y, shards=7)
+    gathered = [sharded._learn._gather(paths, False, 1000, seed, map)[:, 2] for seed in (1, 1, 2)]
+    assert (gathered[0] == gathered[1]).all() and (gathered[0] != gathered[2]).any()
+    assert (gathered[0] // 4 == np.arange(1000)).all(), "one event from each four"
+    template = dgpc.Prior(dgpc.Term("matern52", [1.0, 1.0]))
+    learned = dgpc.learn(template, x, y)
+    with ThreadPoolExecutor(2) as threads:
+        found = sharded.learn(template, paths, seed=1, events_max=1000, inducing_points=100, map=threads.map)
+    assert found.search.searched_events == 1000
+    np.testing.assert_allclose(found.prior.parameter_values, learned.prior.parameter_values, atol=0.5)
+    at = np.column_stack([PLACES, [0.0, 0.0, 0.0]])
+    expected = learned.fit.posterior().probability(PLACES)
+    np.testing.assert_allclose(found.fit.posterior.probability(at), expected, atol=0.03)
+
+
+def test_learning_passes_weights_messages_and_options(tmp_path, paths):
+    message = dgpc.fit(PRIOR, X[:50], Y[:50], inducing_points=X[:5]).posterior().summarise(X[:3] + 5.0)
+    found = sharded.learn(TEMPLATE, paths, seed=1, inducing_points=POINTS, messages=[message], calibrate=False)
+    expected = dgpc.learn(TEMPLATE, X, Y, messages=[message], calibrate=False)
+    assert found.prior == expected.prior and found.search.calibration == "not asked"
+    weighted = sharded.write_shards(tmp_path / "weighted", X, Y, shards=2, weights=np.full(len(Y), 0.5))
+    found = sharded.learn(TEMPLATE, weighted, seed=1, inducing_points=POINTS, weighted=True)
+    assert found.prior == dgpc.learn(TEMPLATE, X, Y, weights=np.full(len(Y), 0.5)).prior
+
+
+def test_learning_refuses_bad_shards(tmp_path, paths):
+    def refused(shards, text, **options):
+        with pytest.raises(ValueError, match=text):
+            sharded.learn(TEMPLATE, shards, seed=1, **options)
+
+    refused([], "at least one shard")
+    refused(paths, "events_max must be at least 1", events_max=0)
+    for table, text in [
+        (np.zeros((3, 1)), "bad.npy: expected at least 2 columns"),
+        (np.zeros((3, 4)), "bad.npy: expected 3 columns as in the first shard, found 4"),
+        (np.full((2, 3), 0.5), "outcomes must be 0 or 1"),
+    ]:
+        np.save(tmp_path / "bad.npy", table)
+        refused([*paths, tmp_path / "bad.npy"], text)
+    np.save(tmp_path / "empty.npy", np.zeros((0, 3)))
+    refused([tmp_path / "empty.npy"], "the shards contain no events")
+    refused(paths, "map returned 0 results of 4 shards", map=lambda *arguments: [])
