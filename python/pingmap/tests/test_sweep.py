@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
@@ -41,6 +43,32 @@ def test_files_and_table_do_not_depend_on_workers_or_order(tmp_path: Path) -> No
 
     assert sweep(area, TASKS, tmp_path / "three", map=backwards) == expected
     assert files(tmp_path / "one") == files(tmp_path / "two") == files(tmp_path / "three")
+
+
+def test_ray_gives_the_same_files_and_the_errors_of_tasks(tmp_path: Path) -> None:
+    ray = pytest.importorskip("ray", reason="Ray is not installed")
+    workers_of_ray = pytest.importorskip("pingmap.ray", reason="dgpc is not installed", exc_type=ImportError)
+    folder, tasks = tmp_path / "ray", grid(seed=[1, 2, 3], vehicles=[2], slots=[60])
+    expected = sweep(simulated_scores, tasks, tmp_path / "one")
+    ray.init(num_cpus=2, object_store_memory=200_000_000, include_dashboard=False, log_to_driver=False)
+    try:
+        with workers_of_ray.Workers(2) as workers:
+            assert sweep(simulated_scores, tasks, folder, map=workers.map) == expected
+            with pytest.raises(ValueError, match="--vehicles"):
+                sweep(simulated_scores, grid(seed=[1], vehicles=[-1]), folder, map=workers.map)
+    finally:
+        ray.shutdown()
+    assert files(folder) == files(tmp_path / "one")
+
+
+def test_workers_of_ray_without_ray_name_the_extra() -> None:
+    program = (
+        "import sys; sys.modules['ray'] = None\n"
+        "try: import pingmap.ray\n"
+        "except ImportError as error: assert 'pingmap[ray]' in str(error)\n"
+        "else: raise SystemExit('no error')"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True)
 
 
 def test_an_interrupted_sweep_continues_where_it_stopped(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Workers of Ray for `dgpc.sharded`.
+"""Workers of Ray for `dgpc.sharded` and `pingmap.sweep`.
 
 Ray starts with ``ray.init``. Ray 2.60 writes a token into the home directory. A worker reserves one processor for as
 long as it exists: other tasks of the cluster wait if workers reserve all of them.

@@ -94,7 +94,7 @@ def sweep(
         Folder of the results; created if it does not exist.
     map : callable
         Applies a function to the items of sequences, in order: ``map`` itself, the method of an executor of
-        ``concurrent.futures``, or that of ``dgpc.ray.Workers``.
+        ``concurrent.futures``, or that of ``pingmap.ray.Workers``.
     progress : callable, optional
         Receives the number of finished tasks and the number of tasks.
 
