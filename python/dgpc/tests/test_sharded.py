@@ -3,6 +3,7 @@
 import doctest
 import os
 import signal
+import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 
@@ -153,6 +154,10 @@ def test_ray_gives_the_same_bits_even_if_a_worker_is_killed(paths):
             assert bits(sharded.fit(PRIOR, paths, POINTS, map=workers.map, progress=kill)) == expected
             with pytest.raises(ValueError, match="missing.npy"):
                 sharded.fit(PRIOR, [*paths, "missing.npy"], POINTS, map=workers.map)
+
+            begin = time.monotonic()
+            next(workers.map(time.sleep, [0.0, 60.0]))
+            assert time.monotonic() - begin < 30.0, "the first result does not wait for the second"
     finally:
         ray.shutdown()
 

@@ -6,7 +6,7 @@ long as it exists: other tasks of the cluster wait if workers reserve all of the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
 from typing import Any
 
@@ -49,18 +49,18 @@ class Workers:
         )
         self.actors: list[Any] = [start.remote() for _ in range(count)]
 
-    def map(self, function: Callable[..., Any], *sequences: Sequence[Any]) -> list[Any]:
-        """Applies a function to the items of sequences, and returns the results in order."""
+    def map(self, function: Callable[..., Any], *sequences: Sequence[Any]) -> Iterator[Any]:
+        """Applies a function to the items of sequences, and returns an iterator over the results, in order.
+
+        All tasks begin at once. The iterator waits for the next result only, so that a caller can report progress.
+        """
         # An argument that all items share is sent to the cluster once.
         shared = [ray.put(sequence[0]) if _is_constant(sequence) else None for sequence in sequences]
         calls = []
         for number, items in enumerate(zip(*sequences)):
             arguments = [item if put is None else put for item, put in zip(items, shared)]
             calls.append(self.actors[number % len(self.actors)].run.remote(function, *arguments))
-        try:
-            return list(ray.get(calls))
-        except ray.exceptions.RayTaskError as error:
-            raise error.cause from error
+        return _results(calls)
 
     def close(self) -> None:
         """Ends the worker processes."""
@@ -75,6 +75,14 @@ class Workers:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _results(calls: list[Any]) -> Iterator[Any]:
+    try:
+        for call in calls:
+            yield ray.get(call)
+    except ray.exceptions.RayTaskError as error:
+        raise error.cause from error
 
 
 def _is_constant(sequence: Sequence[Any]) -> bool:
