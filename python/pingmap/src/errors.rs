@@ -1,7 +1,5 @@
 //! Errors of the crates as exceptions of Python.
 
-use std::any::Any;
-
 use pingmap::Failure;
 use pingmap_agent::AgentError;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
@@ -29,11 +27,4 @@ pub fn agent_failed(error: AgentError) -> PyErr {
         AgentError::Method(_) | AgentError::CountersUsedUp { .. } => Error::new_err(error.to_string()),
         error => PyValueError::new_err(error.to_string()),
     }
-}
-
-/// Returns the exception for a panic, which is a defect of this program.
-pub fn panicked(panic: Box<dyn Any + Send>) -> PyErr {
-    let text = panic.downcast_ref::<String>().cloned();
-    let text = text.or_else(|| panic.downcast_ref::<&str>().map(|text| (*text).to_owned()));
-    Error::new_err(format!("internal error: {}", text.unwrap_or_default()))
 }

@@ -1,10 +1,7 @@
 //! Long computations: without the interpreter's lock, after a fork, and with Ctrl-C.
 
-use std::any::Any;
 use std::ops::ControlFlow;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, LazyLock, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
@@ -15,12 +12,10 @@ use pyo3::types::PyDict;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rayon::{ThreadPool, ThreadPoolBuilder};
+use signals::CHECK_AFTER;
 
 use super::arrays::Count;
 use super::errors::failed;
-
-/// Time between two checks for Ctrl-C.
-const CHECK_AFTER: Duration = Duration::from_millis(50);
 
 /// Time after which progress is reported, and the time between two reports.
 const PROGRESS_AFTER: Duration = Duration::from_secs(2);
@@ -78,7 +73,7 @@ pub fn watched<T: Send>(
         if is_stopped.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     let mut next = Instant::now() + PROGRESS_AFTER;
-    let mut check = || {
+    let check = || {
         py.check_signals()?;
         match progress {
             Some(callable) if Instant::now() > next => {
@@ -88,33 +83,9 @@ pub fn watched<T: Send>(
             _ => Ok(()),
         }
     };
-    let (sender, mut receiver) = channel();
-    std::thread::scope(|scope| {
-        let monitor = &report;
-        scope.spawn(move || {
-            let result = catch_unwind(AssertUnwindSafe(|| on_live_threads(|| compute(monitor))));
-            // The receiver waits for it.
-            let _ = sender.send(result);
-        });
-        let mut failure = None;
-        loop {
-            let receiver = &mut receiver;
-            match (py.detach(move || receiver.recv_timeout(CHECK_AFTER)), &failure) {
-                (Ok(result), None) => break result.map_err(panicked)??.map_err(failed),
-                (Err(RecvTimeoutError::Timeout), None) => {
-                    failure = check().inspect_err(|_| is_stopped.store(true, Ordering::Relaxed)).err();
-                }
-                (Err(RecvTimeoutError::Timeout), Some(_)) => {}
-                (_, _) => break Err(failure.unwrap_or_else(|| PyRuntimeError::new_err("internal error: no result"))),
-            }
-        }
-    })
-}
-
-/// Returns the exception for a panic, which is a defect of this package.
-fn panicked(panic: Box<dyn Any + Send>) -> PyErr {
-    let text = panic.downcast_ref::<String>().map(String::as_str).or_else(|| panic.downcast_ref::<&str>().copied());
-    PyRuntimeError::new_err(format!("internal error: {}", text.unwrap_or_default()))
+    let stop = || is_stopped.store(true, Ordering::Relaxed);
+    let found = signals::watch(py, || on_live_threads(|| compute(&report)), check, stop)?;
+    found.map_err(PyRuntimeError::new_err)??.map_err(failed)
 }
 
 /// The latest progress of a computation.
