@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use super::fitted::Fit;
 use super::options::{LearnArguments, Limits, with_learn_options};
 use crate::border::{Count, Numbers, Outcomes, Points};
-use crate::posterior::{Summary, observations};
+use crate::posterior::{Summary, copies, observations};
 use crate::prior::Prior;
 
 /// A learned prior, the fit of all events under it, and a report of the search. `learn` returns it.
@@ -39,7 +39,7 @@ pub struct Learned {
 }
 
 impl Learned {
-    fn new(py: Python<'_>, learned: dgpc::Learned) -> PyResult<Self> {
+    fn new(py: Python<'_>, learned: dgpc::Learned, messages: Vec<dgpc::Summary>) -> PyResult<Self> {
         let calibration = match &learned.calibration {
             Calibration::NotAsked => "not asked".to_owned(),
             Calibration::AtBound(_) => "at bound".to_owned(),
@@ -55,7 +55,7 @@ impl Learned {
         let start = |start: dgpc::Start| Ok((Py::new(py, Prior(start.prior))?, start.objective));
         Ok(Self {
             prior: Py::new(py, Prior(learned.prior))?,
-            fit: Py::new(py, Fit(learned.fit))?,
+            fit: Py::new(py, Fit::new(learned.fit, messages))?,
             optimum: Py::new(py, Prior(learned.optimum))?,
             optimum_evidence: learned.optimum_evidence,
             calibration_factor: learned.calibration.factor(),
@@ -171,6 +171,8 @@ pub fn learn(
         calibrate,
         progress,
     };
-    let learned = with_learn_options(py, &events, arguments, |options| dgpc::learn(&template.0, &events, options))?;
-    Learned::new(py, learned)
+    let (learned, messages) = with_learn_options(py, &events, arguments, |options| {
+        dgpc::learn(&template.0, &events, options).map(|learned| (learned, copies(options.messages)))
+    })?;
+    Learned::new(py, learned, messages)
 }

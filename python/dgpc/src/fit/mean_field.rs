@@ -5,7 +5,7 @@ use pyo3::prelude::*;
 use super::fitted::Fit;
 use super::options::{FitArguments, InducingPoints, with_fit_options};
 use crate::border::{Count, Numbers, Outcomes, Points, Vector, vector};
-use crate::posterior::{Summary, observations};
+use crate::posterior::{Summary, copies, observations};
 use crate::prior::Prior;
 
 /// Fits events by mean field: finds the ω that maximise the evidence bound, and the posterior that belongs to them.
@@ -76,7 +76,9 @@ pub fn fit(
 ) -> PyResult<Fit> {
     let (prior, events) = (&prior.0, observations(x, y, weights)?);
     let arguments = FitArguments { inducing_points, messages, tolerance, iterations_max, start, progress };
-    with_fit_options(py, prior, &events, arguments, |options| dgpc::fit(prior, &events, options)).map(Fit)
+    with_fit_options(py, prior, &events, arguments, |options| {
+        dgpc::fit(prior, &events, options).map(|fit| Fit::new(fit, copies(options.messages)))
+    })
 }
 
 /// Fits events as `fit` does, and returns the gradient of the evidence bound, too.
@@ -118,6 +120,9 @@ pub fn evidence<'py>(
 ) -> PyResult<(Fit, Vector<'py>)> {
     let (prior, events) = (&prior.0, observations(x, y, weights)?);
     let arguments = FitArguments { inducing_points, messages, tolerance, iterations_max, start, progress };
-    let found = with_fit_options(py, prior, &events, arguments, |options| dgpc::evidence(prior, &events, options))?;
-    Ok((Fit(found.fit), vector(py, found.gradient)))
+    let (fit, gradient) = with_fit_options(py, prior, &events, arguments, |options| {
+        dgpc::evidence(prior, &events, options)
+            .map(|found| (Fit::new(found.fit, copies(options.messages)), found.gradient))
+    })?;
+    Ok((fit, vector(py, gradient)))
 }

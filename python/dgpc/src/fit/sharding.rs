@@ -6,9 +6,9 @@ use std::sync::Mutex;
 use dgpc::{FitOptions, ShardContribution, ShardRequest};
 use pyo3::prelude::*;
 
-use super::fitted::stop_name;
+use super::stored::stop_name;
 use crate::border::{Count, Numbers, Outcomes, Points, Table, Vector, array, bad_input, locked, vector, work, work_on};
-use crate::posterior::{Posterior, Sites, Summary, observations, references};
+use crate::posterior::{Parts, Posterior, Sites, Summary, copies, observations, references};
 use crate::prior::Prior;
 
 /// Some of the events of a sharded fit.
@@ -97,7 +97,10 @@ impl Shard {
 /// iterations_max : int, optional
 ///     The fit stops after this number of iterations even without convergence.
 #[pyclass(frozen, module = "dgpc")]
-pub struct ShardedFit(Mutex<dgpc::ShardedFit>);
+pub struct ShardedFit {
+    fit: Mutex<dgpc::ShardedFit>,
+    messages: Vec<dgpc::Summary>,
+}
 
 #[pymethods]
 impl ShardedFit {
@@ -117,71 +120,75 @@ impl ShardedFit {
             let options = FitOptions::default().inducing_points(&inducing_points.0).messages(&messages);
             dgpc::ShardedFit::new(&prior.0, &options.tolerance(tolerance).iterations_max(iterations_max.0))
         })?;
-        Ok(Self(Mutex::new(fit)))
+        Ok(Self { fit: Mutex::new(fit), messages: copies(&messages) })
     }
 
     /// Inducing points, with those of the messages; an array of shape (M, d).
     #[getter]
     fn inducing_points<'py>(&self, py: Python<'py>) -> PyResult<Table<'py>> {
-        let points = py.detach(|| locked(&self.0).inducing_points().clone());
+        let points = py.detach(|| locked(&self.fit).inducing_points().clone());
         array(py, &points)
     }
 
     /// Returns the next request to all shards as an array of numbers, or None at the end of the fit.
     fn request<'py>(&self, py: Python<'py>) -> Option<Vector<'py>> {
-        let request = py.detach(|| locked(&self.0).request());
+        let request = py.detach(|| locked(&self.fit).request());
         request.map(|request| vector(py, request.to_numbers()))
     }
 
     /// Absorbs the contributions of all shards to the present request, in the order of the shards.
     fn absorb(&self, py: Python<'_>, contributions: Vec<Numbers>) -> PyResult<()> {
-        work_on(py, &self.0, |fit| fit.absorb(sum(&contributions)?))
+        work_on(py, &self.fit, |fit| fit.absorb(sum(&contributions)?))
     }
 
     /// Returns the request for the gradient at the end of the fit, as an array of numbers.
     fn gradient_request<'py>(&self, py: Python<'py>) -> Vector<'py> {
-        let request = py.detach(|| locked(&self.0).gradient_request());
+        let request = py.detach(|| locked(&self.fit).gradient_request());
         vector(py, request.to_numbers())
     }
 
     /// Returns the gradient of the evidence bound by each of `Prior.parameter_values`, from the contributions of all
     /// shards to `gradient_request`.
     fn gradient<'py>(&self, py: Python<'py>, contributions: Vec<Numbers>) -> PyResult<Vector<'py>> {
-        Ok(vector(py, work_on(py, &self.0, |fit| fit.gradient(sum(&contributions)?))?))
+        Ok(vector(py, work_on(py, &self.fit, |fit| fit.gradient(sum(&contributions)?))?))
     }
 
     /// Returns the posterior of the events and the messages, after the end of the fit.
     fn posterior(&self, py: Python<'_>) -> PyResult<Posterior> {
-        work_on(py, &self.0, |fit| fit.posterior()).map(Posterior)
+        work_on(py, &self.fit, |fit| {
+            let (summary, no_sites) = (fit.summary()?, dgpc::Sites::empty(fit.inducing_points().dimension()));
+            let (prior, messages) = (summary.prior().clone(), self.messages.iter().collect::<Vec<_>>());
+            Posterior::of(Parts::of_fit(&prior, no_sites, Some(summary), &messages)?)
+        })
     }
 
     /// Returns the summary of the events at the inducing points, after the end of the fit.
     fn summary(&self, py: Python<'_>) -> PyResult<Summary> {
-        work_on(py, &self.0, |fit| fit.summary()).map(Summary)
+        work_on(py, &self.fit, |fit| fit.summary()).map(Summary)
     }
 
     /// The evidence bound, in nats.
     #[getter]
     fn evidence(&self, py: Python<'_>) -> f64 {
-        py.detach(|| locked(&self.0).evidence())
+        py.detach(|| locked(&self.fit).evidence())
     }
 
     /// Number of iterations.
     #[getter]
     fn iterations(&self, py: Python<'_>) -> usize {
-        py.detach(|| locked(&self.0).iterations())
+        py.detach(|| locked(&self.fit).iterations())
     }
 
     /// Largest change of a tilt in the last iteration.
     #[getter]
     fn change(&self, py: Python<'_>) -> f64 {
-        py.detach(|| locked(&self.0).change())
+        py.detach(|| locked(&self.fit).change())
     }
 
     /// The reason why the iteration ended, as `Fit.stop`, or None before its end.
     #[getter]
     fn stop(&self, py: Python<'_>) -> Option<&'static str> {
-        py.detach(|| locked(&self.0).stop()).map(stop_name)
+        py.detach(|| locked(&self.fit).stop()).map(stop_name)
     }
 }
 

@@ -4,10 +4,14 @@ use dgpc::Matrix;
 use pyo3::prelude::*;
 use rand_distr::{Distribution, StandardNormal};
 
+use super::parts::Parts;
 use super::shift::Shift;
 use super::sites::{Sites, observations};
 use super::summary::{Summary, references};
-use crate::border::{Count, Numbers, Outcomes, Points, Table, Vector, check_memory, generator, matrix, vector, work};
+use crate::border::{
+    Count, Numbers, Outcomes, Points, Table, Vector, check_memory, decode, encode, generator, matrix, reduce, vector,
+    work,
+};
 use crate::prior::Prior;
 
 /// A Gaussian posterior over the latent function that predicts anywhere.
@@ -36,7 +40,10 @@ use crate::prior::Prior;
 ///     >>> fused.probability([[0.2], [3.3]]).round(2)
 ///     array([0.7, 0.3])
 #[pyclass(frozen, module = "dgpc")]
-pub struct Posterior(pub dgpc::Posterior);
+pub struct Posterior {
+    pub posterior: dgpc::Posterior,
+    parts: Parts,
+}
 
 /// Returns means and variances as two arrays.
 pub fn pair<'py>(py: Python<'py>, latent: dgpc::Latent) -> (Vector<'py>, Vector<'py>) {
@@ -44,18 +51,23 @@ pub fn pair<'py>(py: Python<'py>, latent: dgpc::Latent) -> (Vector<'py>, Vector<
 }
 
 impl Posterior {
-    /// Returns the posterior that `absorb` made from a copy of this posterior.
+    /// Computes the posterior of its parts. O(n³).
+    pub fn of(parts: Parts) -> dgpc::Result<Self> {
+        parts.fused().map(|posterior| Self { posterior, parts })
+    }
+
+    /// Returns the posterior that `absorb` made from a copy of this posterior and of its parts.
     fn changed(
         &self,
         py: Python<'_>,
         new_rows: usize,
-        absorb: impl FnOnce(&mut dgpc::Posterior) -> dgpc::Result<()> + Send,
+        absorb: impl FnOnce(&mut dgpc::Posterior, &mut Parts) -> dgpc::Result<()> + Send,
     ) -> PyResult<Self> {
-        let rows = self.0.len() + new_rows;
+        let rows = self.posterior.len() + new_rows;
         check_memory(&[2, rows, rows])?;
         work(py, || {
-            let mut posterior = self.0.clone();
-            absorb(&mut posterior).map(|()| Self(posterior))
+            let (mut posterior, mut parts) = (self.posterior.clone(), self.parts.clone());
+            absorb(&mut posterior, &mut parts).map(|()| Self { posterior, parts })
         })
     }
 }
@@ -76,10 +88,29 @@ impl Posterior {
         let of_summaries = summaries.first().map(|summary| summary.inducing_points().dimension());
         let dimension = dimension.map(|Count(dimension)| dimension).or(of_summaries).unwrap_or(1);
         let nothing = dgpc::Sites::empty(dimension);
-        let sites = sites.map_or(&nothing, |sites| &sites.0);
-        let rows = sites.len() + summaries.iter().map(|summary| summary.len()).sum::<usize>();
-        check_memory(&[3, rows, rows])?;
-        work(py, || dgpc::Posterior::fuse(&prior.0, sites, &summaries).map(Self))
+        let parts = Parts::new(&prior.0, sites.map_or(&nothing, |sites| &sites.0), &summaries);
+        parts.check_memory()?;
+        work(py, || Self::of(parts))
+    }
+
+    /// Returns the posterior of the bytes. Damaged and newer bytes raise a `ValueError`. O(n³).
+    #[staticmethod]
+    fn from_bytes(py: Python<'_>, data: &[u8]) -> PyResult<Self> {
+        let parts: Parts = decode(data)?;
+        parts.check_memory()?;
+        work(py, || Self::of(parts))
+    }
+
+    /// Returns the prior, the sites and the summaries as bytes with a version and a checksum.
+    ///
+    /// `from_bytes` computes the posterior again. Its numbers are equal up to rounding, and to the bit if no method
+    /// absorbed events or summaries.
+    fn to_bytes(&self) -> PyResult<Vec<u8>> {
+        encode(&self.parts)
+    }
+
+    fn __reduce__(slf: &Bound<'_, Self>) -> PyResult<(Py<PyAny>, (Py<PyAny>,))> {
+        reduce(slf.as_any())
     }
 
     /// Returns the mean and the variance of the latent function at every point. O(n²) a point.
@@ -94,7 +125,7 @@ impl Posterior {
     ///     Log-odds of success.
     /// variance : array of shape (N,)
     fn latent<'py>(&self, py: Python<'py>, x: Points) -> PyResult<(Vector<'py>, Vector<'py>)> {
-        Ok(pair(py, work(py, || self.0.latent(&x.0))?))
+        Ok(pair(py, work(py, || self.posterior.latent(&x.0))?))
     }
 
     /// Returns the probability of success at every point, averaged over the latent function.
@@ -107,7 +138,7 @@ impl Posterior {
     /// -------
     /// array of shape (N,)
     fn probability<'py>(&self, py: Python<'py>, x: Points) -> PyResult<Vector<'py>> {
-        Ok(vector(py, work(py, || self.0.probability(&x.0))?))
+        Ok(vector(py, work(py, || self.posterior.probability(&x.0))?))
     }
 
     /// Returns the joint mean and covariance of the latent function at the points.
@@ -117,8 +148,8 @@ impl Posterior {
     /// mean : array of shape (N,)
     /// covariance : array of shape (N, N)
     fn joint<'py>(&self, py: Python<'py>, x: Points) -> PyResult<(Vector<'py>, Table<'py>)> {
-        check_memory(&[x.0.len(), x.0.len() + self.0.len()])?;
-        let (mean, covariance) = work(py, || self.0.joint(&x.0))?;
+        check_memory(&[x.0.len(), x.0.len() + self.posterior.len()])?;
+        let (mean, covariance) = work(py, || self.posterior.joint(&x.0))?;
         Ok((vector(py, mean), matrix(py, &covariance)?))
     }
 
@@ -137,12 +168,12 @@ impl Posterior {
     /// array of shape (count, N)
     #[pyo3(signature = (x, count, *, seed))]
     fn draws<'py>(&self, py: Python<'py>, x: Points, count: Count, seed: Count) -> PyResult<Table<'py>> {
-        check_memory(&[x.0.len(), x.0.len() + self.0.len()])?;
+        check_memory(&[x.0.len(), x.0.len() + self.posterior.len()])?;
         check_memory(&[3, x.0.len(), count.0])?;
         let draws = work(py, || {
             let mut generator = generator(seed, 0);
             let normals = Matrix::from_fn(x.0.len(), count.0, |_, _| StandardNormal.sample(&mut generator));
-            self.0.draws(&x.0, &normals).map(|(draws, _)| draws.transposed())
+            self.posterior.draws(&x.0, &normals).map(|(draws, _)| draws.transposed())
         })?;
         matrix(py, &draws)
     }
@@ -153,26 +184,32 @@ impl Posterior {
     /// ----------
     /// points : array of shape (M, d)
     fn summarise(&self, py: Python<'_>, points: Points) -> PyResult<Summary> {
-        check_memory(&[points.0.len(), points.0.len() + self.0.len()])?;
-        work(py, || self.0.summarise(&points.0).map(Summary))
+        check_memory(&[points.0.len(), points.0.len() + self.posterior.len()])?;
+        work(py, || self.posterior.summarise(&points.0).map(Summary))
     }
 
     /// Returns the message at inducing points that a receiver lacks if it holds the posterior `known`.
     fn residual(&self, py: Python<'_>, known: &Self, points: Points) -> PyResult<Summary> {
-        check_memory(&[points.0.len(), points.0.len() + self.0.len().max(known.0.len())])?;
-        work(py, || self.0.residual(&known.0, &points.0).map(Summary))
+        check_memory(&[points.0.len(), points.0.len() + self.posterior.len().max(known.posterior.len())])?;
+        work(py, || self.posterior.residual(&known.posterior, &points.0).map(Summary))
     }
 
     /// Returns the posterior with more events. The existing sites stay as they are. O(n²m) for m events.
     fn absorb_events(&self, py: Python<'_>, sites: &Sites) -> PyResult<Self> {
-        self.changed(py, sites.0.len(), |posterior| posterior.absorb_events(&sites.0))
+        self.changed(py, sites.0.len(), |posterior, parts| {
+            posterior.absorb_events(&sites.0)?;
+            parts.absorb_events(&sites.0)
+        })
     }
 
     /// Returns the posterior with more summaries, formed under its prior.
     fn absorb_summaries(&self, py: Python<'_>, summaries: Vec<Py<Summary>>) -> PyResult<Self> {
         let summaries = references(&summaries);
         let rows = summaries.iter().map(|summary| summary.len()).sum();
-        self.changed(py, rows, |posterior| posterior.absorb_summaries(&summaries))
+        self.changed(py, rows, |posterior, parts| {
+            parts.absorb_summaries(&summaries);
+            posterior.absorb_summaries(&summaries)
+        })
     }
 
     /// Returns the posterior with more events whose ω is not known yet, and their sites.
@@ -192,9 +229,8 @@ impl Posterior {
         weights: Option<Numbers>,
     ) -> PyResult<(Self, Sites)> {
         let (new, mut sites) = (observations(x, y, weights)?, None);
-        let posterior = self.changed(py, new.len(), |posterior| {
-            sites = Some(dgpc::absorb_observations(posterior, &new)?);
-            Ok(())
+        let posterior = self.changed(py, new.len(), |posterior, parts| {
+            parts.absorb_events(sites.insert(dgpc::absorb_observations(posterior, &new)?))
         })?;
         let sites = sites.unwrap_or_else(|| dgpc::Sites::empty(new.inputs().dimension()));
         Ok((posterior, Sites(sites)))
@@ -204,19 +240,19 @@ impl Posterior {
     #[pyo3(signature = (x, y, weights=None))]
     fn sites_given(&self, py: Python<'_>, x: Points, y: Outcomes, weights: Option<Numbers>) -> PyResult<Sites> {
         let new = observations(x, y, weights)?;
-        work(py, || dgpc::sites_given(&self.0, &new).map(Sites))
+        work(py, || dgpc::sites_given(&self.posterior, &new).map(Sites))
     }
 
     /// Returns the shift that summaries would cause. The posterior must not hold them yet.
     fn shift_by(&self, py: Python<'_>, summaries: Vec<Py<Summary>>) -> PyResult<Shift> {
         let summaries = references(&summaries);
-        work(py, || self.0.shift_by(&summaries).map(Shift))
+        work(py, || self.posterior.shift_by(&summaries).map(Shift))
     }
 
     /// Returns the shift that summaries have caused. The posterior must hold them.
     fn shift_of(&self, py: Python<'_>, summaries: Vec<Py<Summary>>) -> PyResult<Shift> {
         let summaries = references(&summaries);
-        work(py, || self.0.shift_of(&summaries).map(Shift))
+        work(py, || self.posterior.shift_of(&summaries).map(Shift))
     }
 
     /// Returns how strongly outcomes contradict this posterior, in standard deviations. It must not hold them.
@@ -231,26 +267,26 @@ impl Posterior {
     fn contradiction(&self, py: Python<'_>, x: Points, y: Outcomes, offset_sd: f64) -> PyResult<f64> {
         check_memory(&[4, x.0.len(), x.0.len()])?;
         let reported = observations(x, y, None)?;
-        work(py, || self.0.contradiction(&reported, offset_sd))
+        work(py, || self.posterior.contradiction(&reported, offset_sd))
     }
 
     /// The prior of the posterior.
     #[getter]
     fn prior(&self) -> Prior {
-        Prior(self.0.prior().clone())
+        Prior(self.posterior.prior().clone())
     }
 
     /// The largest jitter of all factorisations behind the posterior, ordinarily 0.
     #[getter]
     fn jitter(&self) -> f64 {
-        self.0.jitter()
+        self.posterior.jitter()
     }
 
     fn __len__(&self) -> usize {
-        self.0.len()
+        self.posterior.len()
     }
 
     fn __repr__(&self) -> String {
-        format!("Posterior of {} events and inducing points", self.0.len())
+        format!("Posterior of {} events and inducing points", self.posterior.len())
     }
 }

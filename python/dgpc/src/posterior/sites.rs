@@ -1,9 +1,10 @@
 //! Gaussian sites of events.
 
 use pyo3::prelude::*;
-use pyo3::types::PyTuple;
 
-use crate::border::{Numbers, Outcomes, Points, Table, Vector, Whole, array, bad_input, vector, work};
+use crate::border::{
+    Numbers, Outcomes, Points, Table, Vector, Whole, array, bad_input, decode, encode, reduce, vector, work,
+};
 use crate::prior::Prior;
 
 /// Returns observations from inputs, outcomes and weights. Every weight is 1 if none are given.
@@ -79,11 +80,18 @@ impl Sites {
         format!("Sites of {} events", self.0.len())
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let (py, sites) = (slf.py(), &slf.get().0);
-        let outcomes: Vec<f64> = sites.kappa().iter().map(|&kappa| if kappa > 0.0 { 1.0 } else { 0.0 }).collect();
-        let weights: Vec<f64> = sites.kappa().iter().map(|kappa| 2.0 * kappa.abs()).collect();
-        let parts = (array(py, sites.inputs())?, vector(py, outcomes), vector(py, sites.omega()), vector(py, weights));
-        Ok((slf.get_type().into_any(), parts.into_pyobject(py)?))
+    /// Returns the sites of the bytes. Damaged and newer bytes raise a `ValueError`.
+    #[staticmethod]
+    fn from_bytes(data: &[u8]) -> PyResult<Self> {
+        decode(data).map(Self)
+    }
+
+    /// Returns the sites as bytes with a version and a checksum.
+    fn to_bytes(&self) -> PyResult<Vec<u8>> {
+        encode(&self.0)
+    }
+
+    fn __reduce__(slf: &Bound<'_, Self>) -> PyResult<(Py<PyAny>, (Py<PyAny>,))> {
+        reduce(slf.as_any())
     }
 }

@@ -34,6 +34,11 @@ pub fn references(summaries: &[Py<Summary>]) -> Vec<&dgpc::Summary> {
     summaries.iter().map(|summary| &summary.get().0).collect()
 }
 
+/// Returns copies of the summaries of a list.
+pub fn copies(summaries: &[&dgpc::Summary]) -> Vec<dgpc::Summary> {
+    summaries.iter().map(|&summary| summary.clone()).collect()
+}
+
 impl Summary {
     /// Returns a summary that `change` made from a copy of it.
     fn changed(

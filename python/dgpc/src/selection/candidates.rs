@@ -74,8 +74,8 @@ impl Candidates {
     /// A choice reduces the variance of `public` there to that of `own`.
     #[staticmethod]
     fn for_residual(py: Python<'_>, public: &Posterior, own: &Posterior, x: Points) -> PyResult<Self> {
-        check_memory(&[x.0.len(), x.0.len() + public.0.len()])?;
-        work(py, || dgpc::Candidates::for_residual(&public.0, &own.0, &x.0).map(Self))
+        check_memory(&[x.0.len(), x.0.len() + public.posterior.len()])?;
+        work(py, || dgpc::Candidates::for_residual(&public.posterior, &own.posterior, &x.0).map(Self))
     }
 
     /// Returns the points with the smallest trace, the paper's good points.
