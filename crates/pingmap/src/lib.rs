@@ -2,7 +2,7 @@
 //!
 //! The command-line interface as a library. The library parses arguments and calls the crates below. It writes text
 //! and figures. [`main`] is the program. [`run`] runs one command in the process and writes its results to any writer.
-//! [`run_until`] does the same until another thread stops it.
+//! [`run_until`] does the same until another thread stops it. A host can collect [`Warnings`].
 //!
 //! ```
 //! let mut results = Vec::new();
@@ -14,6 +14,7 @@
 #![forbid(unsafe_code)]
 
 // In the order of the flow: each module uses only those above it.
+mod warnings;
 mod output;
 mod interruptible;
 mod files;
@@ -47,6 +48,7 @@ use std::process::ExitCode;
 
 use clap::{ArgAction, CommandFactory, FromArgMatches, Parser};
 
+pub use crate::warnings::Warnings;
 pub use pingmap_agent::Interrupt;
 use pingmap_agent::Team;
 
@@ -160,7 +162,8 @@ pub fn main_with(arguments: impl IntoIterator<Item = impl Into<OsString> + Clone
     }
 }
 
-/// Runs one command; the first argument is the program's name. Warnings and notes go to standard error.
+/// Runs one command; the first argument is the program's name. Notes go to standard error, and so do warnings unless
+/// [`Warnings`] are attached to this thread.
 ///
 /// # Errors
 /// [`Failure`] with a message for people and the exit status that the program would have.

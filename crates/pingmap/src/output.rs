@@ -15,6 +15,8 @@ use pingmap_import::ImportError;
 use pingmap_trial::{FileError, ReplayError};
 use serde::Serialize;
 
+use crate::warnings::Warnings;
+
 /// An error in the user's input, as a message. Exit status 2.
 #[derive(Debug)]
 pub struct BadInput(pub String);
@@ -135,9 +137,12 @@ pub fn note(text: impl Display) {
     }
 }
 
-/// Prints a warning to standard error.
+/// Appends a warning to the list of this thread, or prints it to standard error.
 pub fn warn(text: impl Display) {
-    eprintln!("warning: {text}");
+    match Warnings::attached() {
+        Some(warnings) => warnings.push(text.to_string()),
+        None => eprintln!("warning: {text}"),
+    }
 }
 
 /// Formats a number and a noun, such as "1 event" or "2 events".
@@ -205,14 +210,19 @@ pub fn spinner(what: &'static str) -> ProgressBar {
     bar
 }
 
-/// Runs a function on a pool of `threads` worker threads; 0 uses one per core. The interrupt stops all of them.
+/// Runs a function on a pool of `threads` worker threads; 0 uses one per core. The interrupt stops all of them. They
+/// have the list of warnings of this thread.
 pub fn with_threads(
     threads: usize,
     interrupt: &Interrupt,
     run: impl FnOnce() -> anyhow::Result<()> + Send,
 ) -> anyhow::Result<()> {
-    let interrupt = interrupt.clone();
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).start_handler(move |_| interrupt.attach());
+    let (interrupt, warnings) = (interrupt.clone(), Warnings::attached());
+    let attach = move |_| {
+        interrupt.attach();
+        warnings.iter().for_each(Warnings::attach);
+    };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).start_handler(attach);
     pool.build().context("cannot start worker threads")?.install(run)
 }
 

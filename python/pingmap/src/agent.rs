@@ -11,7 +11,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
 use crate::errors::{agent_failed, failed};
-use crate::work::work;
+use crate::work::{work, work_and_warn};
 
 /// One vehicle of a team, without input or output, clock, or threads. The class `pingmap.Agent` converts its tables.
 #[pyclass(frozen, module = "pingmap._pingmap")]
@@ -83,17 +83,18 @@ impl Agent {
 
 #[pymethods]
 impl Agent {
-    /// Creates a vehicle without any data, or restores that of a snapshot.
+    /// Creates a vehicle without any data, or restores that of a snapshot. Calls `warn` with each warning.
     #[new]
-    #[pyo3(signature = (name, team, /, *, record_all_receivers, snapshot))]
+    #[pyo3(signature = (name, team, warn, /, *, record_all_receivers, snapshot))]
     fn new(
         py: Python<'_>,
         name: String,
         team: PathBuf,
+        warn: &Bound<'_, PyAny>,
         record_all_receivers: bool,
         snapshot: Option<Vec<u8>>,
     ) -> PyResult<Self> {
-        let team = Arc::new(work(py, |_| pingmap::read_team(&team))?.map_err(failed)?);
+        let team = Arc::new(work_and_warn(py, warn, |_| pingmap::read_team(&team))?.map_err(failed)?);
         let (id, options) = (VehicleId::new(name), options(record_all_receivers));
         let agent = match snapshot {
             None => pingmap_agent::Agent::new(id.clone(), team.clone(), options),

@@ -8,18 +8,18 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::errors::failed;
-use crate::work::work;
+use crate::work::{work, work_and_warn};
 
 /// Returns the command line with the program's name before the arguments.
 fn command_line(arguments: Vec<OsString>) -> Vec<OsString> {
     [OsString::from("pingmap")].into_iter().chain(arguments).collect()
 }
 
-/// Runs one command, and returns the text that it prints.
+/// Runs one command, and returns the text that it prints. Calls `warn` with each warning.
 #[pyfunction]
-#[pyo3(signature = (arguments, /))]
-pub fn run(py: Python<'_>, arguments: Vec<OsString>) -> PyResult<String> {
-    let printed = work(py, |interrupt| {
+#[pyo3(signature = (arguments, warn, /))]
+pub fn run(py: Python<'_>, arguments: Vec<OsString>, warn: &Bound<'_, PyAny>) -> PyResult<String> {
+    let printed = work_and_warn(py, warn, |interrupt| {
         let mut printed = Vec::new();
         pingmap::run_until(command_line(arguments), &mut printed, interrupt).map(|()| printed)
     })?;

@@ -17,7 +17,7 @@ use crate::learned_map::LearnedMap;
 use crate::map_figure::{FigureContent, figure};
 use crate::model::{InputDigests, KernelJson};
 use crate::options::{QueryOptions, RESULT, Source};
-use crate::output::{BadInput, Results, note, print_json, spinner};
+use crate::output::{BadInput, Results, note, print_json, spinner, warn};
 use crate::output_target::{Overwrite, STANDARD_OUTPUT, ending, picture};
 use crate::reference::{PlaceJson, position, positions, reference};
 use crate::success_map::{LEVELS, LITTLE_KNOWN, MapQuery, Side, SuccessMap};
@@ -146,7 +146,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let bar = spinner("drawing");
     let has_aspects = has_aspects(&learned_map);
     if view.heading.is_some() && !cells_have_aspect(&learned_map, view.seen) {
-        note("warning: --heading changes nothing: the model has no aspect term of the vehicle in the cells");
+        warn("--heading changes nothing: the model has no aspect term of the vehicle in the cells");
     }
     let heading_deg = view.heading;
     let query = MapQuery { at: &at, seen: view.seen, join: view.join, depth_m, heading_deg, attempt: &attempt };

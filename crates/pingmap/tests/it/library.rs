@@ -68,6 +68,21 @@ fn an_interrupted_command_fails_and_leaves_no_file() {
 }
 
 #[test]
+fn warnings_go_to_the_list_of_the_calling_thread() {
+    let folder = tempfile::tempdir().unwrap();
+    let events = file(folder.path(), "events.csv", log(&["a", "b"], 40));
+    let predict = ["predict", events.to_str().unwrap(), "--links", events.to_str().unwrap(), "--events-max", "30"];
+    let warnings = pingmap::Warnings::default();
+    warnings.attach();
+    run(&predict).unwrap();
+    let found = warnings.take();
+    assert!(found.iter().any(|text| text.starts_with("using 30 of ")), "{found:?}");
+    assert!(warnings.take().is_empty());
+    std::thread::scope(|scope| scope.spawn(|| run(&predict).unwrap()).join().unwrap());
+    assert!(warnings.take().is_empty(), "another thread has no list");
+}
+
+#[test]
 fn every_command_has_a_summary() {
     let help = run(&["--help"]).unwrap_err().message;
     let list = help.split_once("Commands:").unwrap().1.split_once("Options:").unwrap().0;

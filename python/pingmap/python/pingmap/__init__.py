@@ -4,14 +4,16 @@ The functions run the commands of the program ``pingmap`` in this process, on ta
 names to arrays, such as a dictionary or a frame of pandas or Polars, or the path of a CSV file. Equal logs, models and
 seeds give the same numbers as the command line.
 
-Bad input raises a ``ValueError``. Any other failure raises ``pingmap.Error``. Warnings go to standard error. Notes and
-progress go there, too, if the option ``quiet=False`` is given. Ctrl-C stops a command within a second.
+Bad input raises a ``ValueError``. Any other failure raises ``pingmap.Error``. Suspicious input or results issue a
+``pingmap.Warning``. Notes and progress go to standard error if the option ``quiet=False`` is given. Ctrl-C stops a
+command within a second.
 """
 
 from ._agent import Agent, Receipt
 from ._commands import import_mission, learn, map, predict, read_log, replay, run, simulate
 from ._pingmap import Error
 from ._tables import Table
+from ._warnings import Warning  # noqa: A004
 from ._workspace import Model
 
 __version__ = "0.1.0"
@@ -22,6 +24,7 @@ __all__ = [
     "Model",
     "Receipt",
     "Table",
+    "Warning",
     "import_mission",
     "learn",
     "map",

@@ -11,6 +11,7 @@ import numpy as np
 
 from . import _pingmap
 from ._tables import Table, TableLike, from_csv, to_csv
+from ._warnings import warn
 from ._workspace import PathLike
 
 
@@ -52,7 +53,7 @@ class Agent:
 
     def __init__(self, name: str, team: PathLike, *, record_all_receivers: bool = False) -> None:
         self._agent = _pingmap.Agent(
-            name, os.fsdecode(team), record_all_receivers=record_all_receivers, snapshot=None
+            name, os.fsdecode(team), warn, record_all_receivers=record_all_receivers, snapshot=None
         )
 
     @classmethod
@@ -69,7 +70,7 @@ class Agent:
         """
         agent = cls.__new__(cls)
         agent._agent = _pingmap.Agent(
-            name, os.fsdecode(team), record_all_receivers=record_all_receivers, snapshot=snapshot
+            name, os.fsdecode(team), warn, record_all_receivers=record_all_receivers, snapshot=snapshot
         )
         return agent
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from . import _pingmap
 from ._tables import Table, TableLike, from_csv
+from ._warnings import warn
 from ._workspace import Model, PathLike, Workspace
 
 #: A position: easting and northing in metres and perhaps a depth, or text such as ``"41.52N,70.67W"``.
@@ -43,7 +44,7 @@ def run(*arguments: PathLike) -> str:
     >>> print(pingmap.run("packet", "schema").splitlines()[0])
     Map32, DCCL id 124: 32 of 32 bytes, 252 bits used; 5 inducing points in 1 block
     """
-    return _pingmap.run([os.fsdecode(argument) for argument in arguments])
+    return _pingmap.run([os.fsdecode(argument) for argument in arguments], warn)
 
 
 def read_log(path: PathLike) -> Table:

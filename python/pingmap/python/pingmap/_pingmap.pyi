@@ -1,12 +1,13 @@
 """The compiled part of the package. Its functions and classes are used through the package ``pingmap``."""
 
+from collections.abc import Callable
 from typing import Any, final
 
 class Error(RuntimeError):
     """A command or a computation failed, although its input was valid."""
 
-def run(arguments: list[str], /) -> str:
-    """Runs one command, and returns the text that it prints."""
+def run(arguments: list[str], warn: Callable[[str], object], /) -> str:
+    """Runs one command, and returns the text that it prints. Calls `warn` with each warning."""
 
 def main(arguments: list[str], /) -> int:
     """Runs the program, which prints to the standard output and error of the process. Returns the exit status."""
@@ -19,7 +20,14 @@ class Agent:
     """One vehicle of a team, without input or output, clock, or threads."""
 
     def __new__(
-        cls, name: str, team: str, /, *, record_all_receivers: bool, snapshot: bytes | None
+        cls,
+        name: str,
+        team: str,
+        warn: Callable[[str], object],
+        /,
+        *,
+        record_all_receivers: bool,
+        snapshot: bytes | None,
     ) -> Agent: ...
     @property
     def name(self) -> str: ...

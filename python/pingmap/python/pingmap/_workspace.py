@@ -12,6 +12,7 @@ from typing import Any, TypeAlias, Union
 from . import _pingmap
 from ._options import arguments
 from ._tables import Table, TableLike, from_csv, to_csv
+from ._warnings import warn
 
 PathLike: TypeAlias = Union[str, "os.PathLike[str]"]
 
@@ -81,8 +82,9 @@ class Workspace:
         options = {"quiet": True, **options}
         if isinstance(options.get("model"), Model):
             options["model"] = self.file(options["model"], "model.toml")
+        given = [command, *arguments(options), *arguments(own), "--", *words]
         try:
-            printed = _pingmap.run([command, *arguments(options), *arguments(own), "--", *words])
+            printed = _pingmap.run(given, lambda text: warn(self.without_folder(text)))
         except (ValueError, _pingmap.Error) as error:
             raise type(error)(self.without_folder(str(error))) from None
         return self.without_folder(printed)
