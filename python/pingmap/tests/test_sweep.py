@@ -127,3 +127,11 @@ def test_simulated_missions_and_replays_are_tasks(tmp_path: Path, log: Path) -> 
     table = sweep(replay_scores, grid(log=[log], repeats=[1], frames=[1, 5]), tmp_path)
     assert table["centralised"][0] == table["centralised"][1] and len(table["team"]) == 2
     assert json.dumps([table["own"], table["team"]])
+
+
+def test_the_example_with_times_runs() -> None:
+    example = Path(__file__).parents[1] / "examples" / "sweep_times.py"
+    finished = subprocess.run([sys.executable, str(example), "1", "60"], capture_output=True, text=True)
+    assert finished.returncode == 0, finished.stderr
+    assert "| concurrent.futures | 2 |" in finished.stdout
+    assert "| Ray | 2 |" in finished.stdout or "skipped: Ray: " in finished.stdout
