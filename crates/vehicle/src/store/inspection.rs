@@ -7,7 +7,7 @@ use redb::StorageBackend;
 use crate::store::error::StoreError;
 use crate::store::identity::Identity;
 use crate::store::locked_file::LockedFile;
-use crate::store::tables::FORMAT;
+use crate::store::tables::{Contents, FORMAT};
 use crate::store::verification::Verified;
 
 /// Summary of a store whose checksums are right.
@@ -43,4 +43,14 @@ pub fn inspect(path: &Path) -> Result<Report, StoreError> {
         base_bytes: contents.base.as_ref().map(Vec::len),
         file_bytes: file.storage().len().map_err(|e| StoreError::from_io(path, e))?,
     })
+}
+
+/// Verifies a store, and returns its identity and content. The file is neither changed nor opened for writing.
+///
+/// # Errors
+/// As [`inspect`].
+pub fn read_store(path: &Path) -> Result<(Identity, Contents), StoreError> {
+    let file = LockedFile::open_read_only(path)?;
+    let Verified { identity, contents, .. } = Verified::new(path, file.storage())?;
+    Ok((identity, contents))
 }

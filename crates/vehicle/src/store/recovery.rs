@@ -41,6 +41,18 @@ pub enum Opened {
 /// Every state that is not damage: a lock, another vehicle or team, a newer version, a file that is not a store, a
 /// folder, a missing folder, missing permissions, a full medium. The file is unchanged then.
 pub fn open_or_recover(path: &Path, snapshot_path: &Path, identity: &Identity) -> Result<(Store, Opened), StoreError> {
+    open_or_recover_with(path, snapshot_path, identity, |snapshot, _| snapshot.map(<[u8]>::to_vec))
+}
+
+/// Opens the store as [`open_or_recover`] does, with another base for a fresh store. `recover` gets the snapshot and the
+/// description of the damage, and returns the base. The base is in the fresh store before the store has its name: what
+/// the recovery changes survives a crash.
+pub(crate) fn open_or_recover_with(
+    path: &Path,
+    snapshot_path: &Path,
+    identity: &Identity,
+    recover: impl FnOnce(Option<&[u8]>, &str) -> Option<Vec<u8>>,
+) -> Result<(Store, Opened), StoreError> {
     let (damaged, problem) = match LockedFile::open(path) {
         Ok(file) => match open_verified(path, file, identity)? {
             Outcome::Intact(store, contents) => return Ok((store, Opened::Intact(contents))),
@@ -57,7 +69,8 @@ pub fn open_or_recover(path: &Path, snapshot_path: &Path, identity: &Identity) -
         Err(StoreError::Missing { .. } | StoreError::NoFolder { .. }) => (None, problem),
         Err(error) => (None, format!("{problem}; its snapshot cannot be read: {error}")),
     };
-    let (store, kept_as) = replace(path, identity, snapshot.as_deref(), damaged)?;
+    let base = recover(snapshot.as_deref(), &problem);
+    let (store, kept_as) = replace(path, identity, base.as_deref(), damaged)?;
     Ok((store, Opened::Recovered { kept_as, snapshot, problem }))
 }
 
