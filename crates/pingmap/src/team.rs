@@ -39,7 +39,16 @@ pub fn read_team(path: &Path) -> anyhow::Result<Team> {
     Ok(read_with_digests(path)?.0)
 }
 
+/// Reads a team file for a process that sends. Refuses a key that other users can read.
+pub fn read_team_with_private_key(path: &Path) -> anyhow::Result<Team> {
+    Ok(read_with(path, &open_private_key)?.0)
+}
+
 fn read_with_digests(path: &Path) -> anyhow::Result<(Team, Vec<String>)> {
+    read_with(path, &open_key)
+}
+
+fn read_with(path: &Path, open_key: &dyn Fn(&Path) -> anyhow::Result<Key>) -> anyhow::Result<(Team, Vec<String>)> {
     let bad = |problem: &dyn Display| BadInput(format!("{}: {problem}", path.display()));
     let file = TeamFile::parse(&read_text(path)?).map_err(|error| bad(&error))?;
     let folder = path.parent().unwrap_or(Path::new(""));
@@ -47,6 +56,14 @@ fn read_with_digests(path: &Path) -> anyhow::Result<(Team, Vec<String>)> {
     let key = file.key_file.as_ref().map(|name| open_key(&folder.join(name))).transpose()?;
     let digests = log_digests(&model).chain(file.log_digest.as_deref()).map(str::to_owned).collect();
     Ok((file.team(model.model, key).map_err(|error| bad(&error))?, digests))
+}
+
+fn open_private_key(path: &Path) -> anyhow::Result<Key> {
+    if is_readable_by_others(path) {
+        let problem = "others on this machine can read the key; expected a private file (chmod 600)";
+        return Err(BadInput(format!("{}: {problem}", path.display())).into());
+    }
+    open_key(path)
 }
 
 /// Reads a team's key, and warns if other users can read it.

@@ -27,11 +27,16 @@ mod store;
 mod config;
 mod protocol;
 mod vehicle;
+mod process;
 
 pub use config::settings::{
     ClockSettings, ConfigError, HostSettings, Listen, LogFormat, LogSettings, NavigationSettings, SharingSettings,
-    SlotSettings, StoreSettings, VEHICLE_SCHEMA, VehicleConfig,
+    SlotSettings, StoreSettings, VEHICLE_EXAMPLE, VEHICLE_SCHEMA, VehicleConfig,
 };
+pub use process::check::{Checked, check};
+pub use process::error::ProcessError;
+pub use process::run::run;
+pub use process::start::Setup;
 pub use protocol::fault::{Fault, FaultCode};
 pub use protocol::hex::Hex;
 pub use protocol::input::{
@@ -46,7 +51,7 @@ pub use protocol::place::{End, Place, QueryLink};
 pub use store::adoption::adopt_store;
 pub use store::error::StoreError;
 pub use store::identity::Identity;
-pub use store::inspection::{Report, inspect};
+pub use store::inspection::{Report, inspect, read_store};
 pub use store::recovery::{Opened, open_or_recover};
 pub use store::snapshot::{read_snapshot, write_snapshot};
 pub use store::tables::Contents;

@@ -44,6 +44,7 @@ impl FromStr for Place {
 }
 
 /// A reference system with its projection.
+#[derive(Clone)]
 pub struct Reference {
     system: ReferenceSystem,
     /// The ellipsoid WGS 84 and the plane; `None` if the reference system is unknown.

@@ -15,7 +15,9 @@ pub mod select;
 pub mod shell;
 pub mod schema;
 pub mod simulate;
+pub mod store;
 pub mod team;
+pub mod vehicle;
 
 use clap::Subcommand;
 
@@ -60,6 +62,8 @@ commands! {
     Simulate(simulate::Options),
     Team(team::Options),
     Packet(packet::Options),
+    Vehicle(vehicle::Options),
+    Store(store::Options),
     Completions(shell::Completions),
     Man(shell::Man),
     Schema(schema::Options),

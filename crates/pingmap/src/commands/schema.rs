@@ -2,14 +2,15 @@
 
 use clap::Args;
 use clap::builder::PossibleValuesParser;
+use pingmap_vehicle::{Input, Message};
 use schemars::generate::SchemaSettings;
 use schemars::{JsonSchema, Schema};
 use serde_json::json;
 
-use super::{check, demo, import, learn, map, packet, plan, predict, replay, reproduce, select, simulate, team};
+use super::{check, demo, import, learn, map, packet, plan, predict, replay, reproduce, select, simulate, store, team};
 use crate::output::{BadInput, Results, print};
 
-/// Print the JSON Schema of the output of a command with --json
+/// Print the JSON Schema of the output of a command with --json, or of the lines of `pingmap vehicle`
 #[derive(Args)]
 #[command(after_help = "Example: pingmap schema \"plan track\"")]
 pub struct Options {
@@ -18,10 +19,14 @@ pub struct Options {
     pub command: Option<String>,
 }
 
+/// Lines of the host protocol, in each direction.
+const INPUT: &str = "vehicle (input)";
+const MESSAGE: &str = "vehicle (message)";
+
 /// Name of a command, and the schema of its output.
 type Printed = (&'static str, fn() -> Schema);
 
-const SCHEMAS: [Printed; 20] = [
+const SCHEMAS: [Printed; 23] = [
     ("check", of::<check::CheckedJson>),
     ("demo", of::<demo::json::DemoJson>),
     ("import", of::<import::json::ImportJson>),
@@ -41,7 +46,10 @@ const SCHEMAS: [Printed; 20] = [
     ("reproduce", of::<reproduce::json::ReproductionJson>),
     ("select", of::<select::SelectedJson>),
     ("simulate", of::<simulate::SimulatedJson>),
+    ("store check", of::<store::check::StoreJson>),
     ("team", of::<team::TeamJson>),
+    (INPUT, || SchemaSettings::default().for_deserialize().into_generator().into_root_schema_for::<Input>()),
+    (MESSAGE, || SchemaSettings::default().for_serialize().into_generator().into_root_schema_for::<Message>()),
 ];
 
 impl Options {
@@ -58,7 +66,12 @@ impl Options {
         let (_, schema) = found.ok_or_else(|| BadInput(format!("no command {name} prints JSON")))?;
         let mut schema = schema();
         schema.insert("title".into(), format!("pingmap {name}").into());
-        schema.insert("description".into(), format!("Output of pingmap {name} with --json.").into());
+        let description = match name.as_str() {
+            INPUT => "One line from the host to pingmap vehicle.".to_owned(),
+            MESSAGE => "One line from pingmap vehicle to the host.".to_owned(),
+            _ => format!("Output of pingmap {name} with --json."),
+        };
+        schema.insert("description".into(), description.into());
         print(results, &serde_json::to_string_pretty(&schema)?)
     }
 }

@@ -11,6 +11,9 @@ use serde::{Deserialize, Serialize};
 /// Schema version of `vehicle.toml`. Others are refused.
 pub const VEHICLE_SCHEMA: u32 = 1;
 
+/// A `vehicle.toml` with every key and its default.
+pub const VEHICLE_EXAMPLE: &str = include_str!("example.toml");
+
 /// The content of `vehicle.toml`. Paths are relative to the folder of the file. Keys without a value have the default.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -225,6 +228,24 @@ pub enum Listen {
 }
 
 impl VehicleConfig {
+    /// Returns a configuration with all defaults.
+    pub fn new(vehicle: VehicleId, team: PathBuf) -> Self {
+        Self {
+            schema: VEHICLE_SCHEMA,
+            vehicle,
+            team,
+            muted: Vec::new(),
+            store: StoreSettings::default(),
+            clock: ClockSettings::default(),
+            slots: SlotSettings::default(),
+            modem_ids: BTreeMap::new(),
+            sharing: SharingSettings::default(),
+            navigation: NavigationSettings::default(),
+            host: HostSettings::default(),
+            log: LogSettings::default(),
+        }
+    }
+
     /// Reads the text of `vehicle.toml`.
     ///
     /// # Errors

@@ -36,8 +36,7 @@ const TYPES: [&str; 17] = [
 /// [`Fault`] for a line that is too long, is not a JSON object, or whose type or fields are wrong.
 pub fn read_line(line: &[u8]) -> Result<Input, Fault> {
     if line.len() > LINE_BYTES_MAX {
-        let expected = format!("at most {LINE_BYTES_MAX} bytes");
-        return Err(Fault::of_field(FaultCode::LineTooLong, "line", format!("{} bytes", line.len()), expected));
+        return Err(too_long(line.len()));
     }
     let value: Value = serde_json::from_slice(line)
         .map_err(|error| Fault::new(FaultCode::NotJson, format!("the line is not JSON: {error}")))?;
@@ -53,6 +52,12 @@ pub fn read_line(line: &[u8]) -> Result<Input, Fault> {
     }
     // The text of the error names the field and what was expected.
     serde_json::from_value(value).map_err(|error| Fault::new(FaultCode::WrongField, error.to_string()))
+}
+
+/// Returns the fault of a line with this number of bytes.
+pub(crate) fn too_long(bytes: usize) -> Fault {
+    let expected = format!("at most {LINE_BYTES_MAX} bytes");
+    Fault::of_field(FaultCode::LineTooLong, "line", format!("{bytes} bytes"), expected)
 }
 
 /// Returns a message as one line without its end.

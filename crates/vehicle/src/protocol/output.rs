@@ -78,9 +78,9 @@ pub enum Message {
     },
     /// The state of the vehicle.
     Status(Box<StatusReport>),
-    /// The last message. Everything is stored.
+    /// The last message. Everything is stored, unless the store failed before.
     Stopped {
-        /// Number of inputs that were handled.
+        /// Number of the last input.
         inputs: u64,
     },
 }

@@ -101,7 +101,7 @@ impl Vehicle {
             return Err(Fault::of_field(FaultCode::OutOfBounds, "n_bits", request.n_bits, "a number from 7 to 64"));
         }
         let (input, n_bits) = (self.inputs, request.n_bits);
-        let is_silent = self.store_problem.is_some();
+        let is_silent = self.store_problem.is_some() || self.silence.is_some();
         let bits = if is_silent { None } else { self.agent.piggyback(request.time, n_bits) };
         self.send(match bits {
             Some(bits) => Message::Piggyback { input, bits: format!("{bits:x}"), n_bits },

@@ -16,11 +16,29 @@ impl Vehicle {
     pub fn handle(&mut self, input: Input) -> Vec<Output> {
         self.inputs += 1;
         let is_stop = matches!(input, Input::Stop {});
-        match self.dispatch(input) {
-            Ok(()) => {}
-            Err(fault) => self.send(Message::Error { input: self.inputs, fault }),
+        let handled = self.dispatch(input);
+        let is_stop = is_stop && handled.is_ok();
+        if let Err(fault) = handled {
+            self.send(Message::Error { input: self.inputs, fault });
         }
         self.finish(is_stop)
+    }
+
+    /// Sets the number of the next input. The process answers some lines without the vehicle, and they have numbers,
+    /// too.
+    pub fn number_next_input(&mut self, number: u64) {
+        self.inputs = number.saturating_sub(1);
+    }
+
+    /// Begins with another host. It must send `hello`, and its inputs are counted from 1.
+    pub fn begin_host(&mut self) {
+        self.has_greeted = false;
+        self.inputs = 0;
+    }
+
+    /// Ends without a message of the host. Returns what the process has to do, as for `stop`.
+    pub fn stop(&mut self) -> Vec<Output> {
+        self.finish(true)
     }
 
     /// Answers a line that is no valid message.

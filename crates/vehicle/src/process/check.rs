@@ -1,0 +1,53 @@
+//! [`check`]: reads what a process would read at its start, and opens nothing for writing.
+
+use std::path::PathBuf;
+
+use crate::config::settings::Listen;
+use crate::process::error::ProcessError;
+use crate::process::start::Setup;
+use crate::store::error::StoreError;
+use crate::store::inspection::{Report, inspect};
+
+/// Summary of a vehicle that could start.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Checked {
+    /// Where the host connects.
+    pub listen: Listen,
+    /// The store.
+    pub store_path: PathBuf,
+    /// The content of the store; `None` if there is none yet.
+    pub store: Option<Report>,
+    /// The snapshot.
+    pub snapshot_path: PathBuf,
+    /// Whether there is a snapshot.
+    pub has_snapshot: bool,
+}
+
+/// Checks that the process of a vehicle could start. Opens nothing for writing.
+///
+/// # Errors
+/// [`ProcessError`] with the reason why it would not start. A store that is damaged is an error here, although a vehicle
+/// would start with its snapshot.
+pub fn check(setup: &Setup) -> Result<Checked, ProcessError> {
+    setup.check()?;
+    let (store_path, snapshot_path) = setup.config.store_paths(&setup.folder);
+    let store = match inspect(&store_path) {
+        Ok(report) => Some(report),
+        Err(StoreError::Missing { .. }) => None,
+        Err(error) => return Err(error.into()),
+    };
+    if let Some(report) = &store {
+        let identity = setup.identity();
+        let (found, expected) = (&report.identity, &identity);
+        if found.vehicle != expected.vehicle {
+            let (found, expected) = (found.vehicle.clone(), expected.vehicle.clone());
+            return Err(StoreError::OtherVehicle { path: store_path, found, expected }.into());
+        }
+        if found.team_digest != expected.team_digest && !setup.adopts_store {
+            let (found, expected) = (found.team_digest, expected.team_digest);
+            return Err(StoreError::OtherTeam { path: store_path, found, expected }.into());
+        }
+    }
+    let has_snapshot = snapshot_path.exists();
+    Ok(Checked { listen: setup.config.listen()?, store_path, store, snapshot_path, has_snapshot })
+}

@@ -1,0 +1,91 @@
+//! [`Listener`]: where hosts connect.
+
+use std::io;
+use std::net::{TcpListener, ToSocketAddrs};
+use std::path::Path;
+use std::thread;
+use std::time::Duration;
+
+use crate::config::settings::Listen;
+use crate::process::connection::{Connection, Socket};
+use crate::process::error::ProcessError;
+use crate::process::stop_request::StopRequest;
+
+/// Time between two looks for a host that connects.
+const POLL: Duration = Duration::from_millis(20);
+
+/// Where hosts connect, one after the other. Others wait until the present one has left.
+pub(crate) enum Listener {
+    /// Standard input and output: one host.
+    Stdio,
+    Tcp(TcpListener),
+    #[cfg(unix)]
+    Unix(crate::process::unix_socket::UnixSocket),
+}
+
+impl Listener {
+    /// Begins to listen. `folder` is that of the configuration.
+    pub(crate) fn open(listen: &Listen, folder: &Path) -> Result<Self, ProcessError> {
+        let failed = |name: String, source: io::Error| {
+            let remedy = match source.kind() {
+                io::ErrorKind::AddrInUse => "Another process or file is there: stop or remove it, or choose another.",
+                io::ErrorKind::PermissionDenied => "Choose a path or port that this user may use.",
+                _ => "Correct the path or address.",
+            };
+            ProcessError::Listen { listen: name, source, remedy }
+        };
+        match listen {
+            Listen::Stdio => Ok(Self::Stdio),
+            #[cfg(unix)]
+            Listen::Unix(path) => {
+                let path = folder.join(path);
+                let socket = crate::process::unix_socket::UnixSocket::bind(&path);
+                socket.map(Self::Unix).map_err(|error| failed(format!("unix:{}", path.display()), error))
+            }
+            #[cfg(not(unix))]
+            Listen::Unix(path) => {
+                let source = io::Error::from(io::ErrorKind::Unsupported);
+                Err(failed(format!("unix:{}", folder.join(path).display()), source))
+            }
+            Listen::Tcp(address) => {
+                let listener = TcpListener::bind(address).and_then(|listener| {
+                    listener.set_nonblocking(true)?;
+                    Ok(listener)
+                });
+                if !address.to_socket_addrs().is_ok_and(|mut all| all.all(|address| address.ip().is_loopback())) {
+                    tracing::warn!(%address, "other machines can connect: whoever reaches this port controls the vehicle");
+                }
+                listener.map(Self::Tcp).map_err(|error| failed(format!("tcp:{address}"), error))
+            }
+        }
+    }
+
+    /// Returns whether only one host can connect.
+    pub(crate) fn is_stdio(&self) -> bool {
+        matches!(self, Self::Stdio)
+    }
+
+    /// Waits for the next host. Returns `None` after a request to stop.
+    pub(crate) fn accept(&self, stop: &StopRequest<'_>) -> io::Result<Option<Connection>> {
+        loop {
+            let accepted = match self {
+                Self::Stdio => return Ok(Some(Connection::stdio())),
+                Self::Tcp(listener) => listener.accept().and_then(|(stream, _)| {
+                    stream.set_nonblocking(false)?;
+                    stream.set_nodelay(true)?;
+                    Connection::on_socket(Socket::Tcp(stream))
+                }),
+                #[cfg(unix)]
+                Self::Unix(socket) => socket.accept().and_then(|stream| Connection::on_socket(Socket::Unix(stream))),
+            };
+            match accepted {
+                Ok(connection) => return Ok(Some(connection)),
+                Err(_) if stop.is_made() => return Ok(None),
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
+                // The host left before it was accepted, or the process has too many open files for a moment.
+                Err(error) => tracing::warn!(%error, "a host could not connect"),
+            }
+            thread::sleep(POLL);
+        }
+    }
+}

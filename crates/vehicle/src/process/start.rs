@@ -1,0 +1,140 @@
+//! Starting: from a configuration to a vehicle and its open store.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use pingmap_agent::{Team, VehicleId};
+use pingmap_import::Reference;
+
+use crate::config::settings::VehicleConfig;
+use crate::process::error::ProcessError;
+use crate::store::adoption::adopt_store;
+use crate::store::error::StoreError;
+use crate::store::identity::Identity;
+use crate::store::recovery::{Opened, open_or_recover_with};
+use crate::store::tables::Contents;
+use crate::store::vehicle_store::Store;
+use crate::vehicle::state::{Output, Vehicle};
+
+/// What the process of a vehicle needs.
+#[derive(Debug, Clone)]
+pub struct Setup {
+    /// The configuration.
+    pub config: VehicleConfig,
+    /// The folder of the configuration. Paths of the store and of a socket are relative to it.
+    pub folder: PathBuf,
+    /// The team, with its key if it has one.
+    pub team: Arc<Team>,
+    /// Whether a store of another team configuration is given to this one.
+    pub adopts_store: bool,
+}
+
+impl Setup {
+    /// Returns to which vehicle and team the store belongs.
+    pub(crate) fn identity(&self) -> Identity {
+        Identity { vehicle: self.config.vehicle.to_string(), team_digest: self.team.digest() }
+    }
+
+    /// Checks the configuration against the team, and returns the reference system of the model.
+    pub(crate) fn check(&self) -> Result<Reference, ProcessError> {
+        let Self { config, team, .. } = self;
+        if !team.is_member(&config.vehicle) {
+            let members = team.members.values().map(VehicleId::to_string).collect();
+            return Err(ProcessError::NotAMember { vehicle: config.vehicle.to_string(), members });
+        }
+        let is_other = |id: &&VehicleId| team.is_member(id) && **id != config.vehicle;
+        if let Some(found) = config.muted.iter().find(|id| !is_other(id)) {
+            return Err(ProcessError::WrongMuted { found: found.to_string() });
+        }
+        config.listen()?;
+        Ok(Reference::new(team.model.chart.reference)?)
+    }
+
+    /// Opens the store.
+    pub(crate) fn open_store(&self, reference: &Reference) -> Result<OpenedStore, ProcessError> {
+        let (path, snapshot_path) = self.config.store_paths(&self.folder);
+        let identity = self.identity();
+        if self.adopts_store {
+            match adopt_store(&path, &identity) {
+                Ok(former) if former == identity => {}
+                Ok(former) => tracing::warn!(
+                    store = %path.display(), former_team = %pingmap_packet::to_hex(&former.team_digest), "the store was adopted"
+                ),
+                Err(StoreError::Missing { .. }) => {}
+                Err(error) => return Err(error.into()),
+            }
+        }
+        let mut recovered = None;
+        let recover = |snapshot: Option<&[u8]>, problem: &str| {
+            let (vehicle, base) = self.recovered(reference, snapshot, problem);
+            recovered = Some(vehicle);
+            Some(base)
+        };
+        let (store, opened) = open_or_recover_with(&path, &snapshot_path, &identity, recover)?;
+        let content = match (opened, recovered) {
+            (Opened::Intact(contents), _) => Content::Stored(contents),
+            (Opened::Recovered { kept_as, problem, .. }, Some(vehicle)) => {
+                let kept_as = kept_as.map(|path| path.display().to_string());
+                tracing::warn!(store = %path.display(), %problem, kept_as, "the store was damaged");
+                Content::Recovered(Box::new(vehicle))
+            }
+            _ => Content::Stored(Contents::default()),
+        };
+        Ok(OpenedStore { store, path, snapshot_path, content })
+    }
+
+    /// Returns the vehicle of a snapshot after its store was damaged, and the base of a fresh store.
+    fn recovered(&self, reference: &Reference, snapshot: Option<&[u8]>, problem: &str) -> (Vehicle, Vec<u8>) {
+        let begin = |base: Option<Vec<u8>>| self.restore(reference, &Contents { base, entries: Vec::new() });
+        let (mut vehicle, has_snapshot, problem) = match snapshot.map(|snapshot| begin(Some(snapshot.to_vec()))) {
+            Some(Ok(vehicle)) => (vehicle, true, problem.to_owned()),
+            Some(Err(error)) => (self.empty(reference), false, format!("{problem}; its snapshot is damaged: {error}")),
+            None => (self.empty(reference), false, problem.to_owned()),
+        };
+        let Output::Base(base) = vehicle.note_recovery(has_snapshot, &problem) else { return (vehicle, Vec::new()) };
+        (vehicle, base)
+    }
+
+    fn empty(&self, reference: &Reference) -> Vehicle {
+        Vehicle::new(self.config.clone(), self.team.clone(), reference.clone())
+    }
+
+    fn restore(
+        &self,
+        reference: &Reference,
+        contents: &Contents,
+    ) -> Result<Vehicle, crate::vehicle::restore::RestoreError> {
+        Vehicle::restore(self.config.clone(), self.team.clone(), reference.clone(), contents)
+    }
+
+    /// Returns the vehicle with the content of its store.
+    pub(crate) fn begin(
+        &self,
+        reference: &Reference,
+        content: Content,
+        path: &std::path::Path,
+    ) -> Result<Vehicle, ProcessError> {
+        match content {
+            Content::Recovered(vehicle) => Ok(*vehicle),
+            Content::Stored(contents) => {
+                self.restore(reference, &contents).map_err(|source| ProcessError::Restore { path: path.into(), source })
+            }
+        }
+    }
+}
+
+/// A store that is open, and the vehicle in it.
+pub(crate) struct OpenedStore {
+    pub(crate) store: Store,
+    pub(crate) path: PathBuf,
+    pub(crate) snapshot_path: PathBuf,
+    pub(crate) content: Content,
+}
+
+/// The content of a store.
+pub(crate) enum Content {
+    /// As it was stored.
+    Stored(Contents),
+    /// That of a snapshot, after the store was damaged.
+    Recovered(Box<Vehicle>),
+}
