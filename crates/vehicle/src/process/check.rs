@@ -26,8 +26,8 @@ pub struct Checked {
 /// Checks that the process of a vehicle could start. Opens nothing for writing.
 ///
 /// # Errors
-/// [`ProcessError`] with the reason why it would not start. A store that is damaged is an error here, although a vehicle
-/// would start with its snapshot.
+/// [`ProcessError`] with the reason why it would not start. A damaged store is an error here, although a vehicle would
+/// start with its snapshot.
 pub fn check(setup: &Setup) -> Result<Checked, ProcessError> {
     setup.check()?;
     let (store_path, snapshot_path) = setup.config.store_paths(&setup.folder);

@@ -57,7 +57,7 @@ pub enum ProcessError {
         listen: String,
         /// The error of the operating system.
         source: io::Error,
-        /// What can be done.
+        /// The remedy.
         remedy: &'static str,
     },
     /// The operating system refused a thread or a signal.

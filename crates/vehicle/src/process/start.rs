@@ -16,7 +16,7 @@ use crate::store::tables::Contents;
 use crate::store::vehicle_store::Store;
 use crate::vehicle::state::{Output, Vehicle};
 
-/// What the process of a vehicle needs.
+/// The inputs of the process of a vehicle.
 #[derive(Debug, Clone)]
 pub struct Setup {
     /// The configuration.

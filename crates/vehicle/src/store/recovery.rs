@@ -44,7 +44,7 @@ pub fn open_or_recover(path: &Path, snapshot_path: &Path, identity: &Identity) -
     open_or_recover_with(path, snapshot_path, identity, |snapshot, _| snapshot.map(<[u8]>::to_vec))
 }
 
-/// Opens the store as [`open_or_recover`] does, with another base for a fresh store. `recover` gets the snapshot and the
+/// Opens the store as [`open_or_recover`] does, with another base for a fresh store. `recover` gets the snapshot and a
 /// description of the damage, and returns the base. The base is in the fresh store before the store has its name: what
 /// the recovery changes survives a crash.
 pub(crate) fn open_or_recover_with(
