@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use pingmap_agent::bounds::{INTERVAL_S, QUEUE, SIGMA_M};
+use pingmap_agent::bounds::{INTERVAL_S, LENGTH_M, QUEUE, SIGMA_M};
 use pingmap_agent::{AgentOptions, Bounds, Sharing, VehicleId};
 use pingmap_import::ModemIds;
 use serde::{Deserialize, Serialize};
@@ -24,6 +24,10 @@ pub struct VehicleConfig {
     pub vehicle: VehicleId,
     /// The team file. It names the model, and the key file if the team has a key.
     pub team: PathBuf,
+    /// Range with even odds, in metres: the answer before any event, and by range alone with few events. Without it
+    /// these answers come from the model of the team, and from even odds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub conservative_range_m: Option<f64>,
     /// Members whose frames have no effect.
     #[serde(default)]
     pub muted: Vec<VehicleId>,
@@ -234,6 +238,7 @@ impl VehicleConfig {
             schema: VEHICLE_SCHEMA,
             vehicle,
             team,
+            conservative_range_m: None,
             muted: Vec::new(),
             store: StoreSettings::default(),
             clock: ClockSettings::default(),
@@ -256,6 +261,7 @@ impl VehicleConfig {
             return Err(ConfigError::OtherSchema(config.schema));
         }
         let numbers = [
+            ("conservative_range_m", LENGTH_M, config.conservative_range_m),
             ("store.snapshot_interval_s", INTERVAL_S, Some(config.store.snapshot_interval_s)),
             ("clock.sigma_s", INTERVAL_S, Some(config.clock.sigma_s)),
             ("clock.sigma_max_s", INTERVAL_S, config.clock.sigma_max_s),

@@ -24,9 +24,12 @@ impl Vehicle {
         let reason = distrust(&self.scores.trust());
         let mut links = Vec::with_capacity(predictions.len());
         for (query, prediction) in queries.iter().zip(predictions) {
-            let probability = prediction.probability;
-            let (low, high) = prediction.interval.map_or((0.0, 1.0), |Interval { low, high, .. }| (low, high));
             let by_range = self.probability_by_range(&query.link);
+            // Before any event the answer is that of the conservative range, if the configuration has one.
+            let is_conservative = self.scores.is_empty() && self.config.conservative_range_m.is_some();
+            let probability = if is_conservative { by_range } else { prediction.probability };
+            let (low, high) = prediction.interval.map_or((0.0, 1.0), |Interval { low, high, .. }| (low, high));
+            let (low, high) = (low.min(probability), high.max(probability));
             let (explained, trusted, reason) = (prediction.explained, reason.is_none(), reason.clone());
             links.push(Answer { probability, low, high, explained, by_range, trusted, reason });
         }

@@ -1,6 +1,7 @@
 //! Frames in both directions, and piggybacked outcomes.
 
-use pingmap_agent::{AgentError, Receipt, VehicleId};
+use pingmap_agent::{AgentError, Receipt};
+use pingmap_import::ModemNews;
 
 use crate::protocol::fault::{Fault, FaultCode};
 use crate::protocol::hex::Hex;
@@ -16,6 +17,7 @@ const OPEN_FRAMES_MAX: usize = 256;
 
 impl Vehicle {
     pub(crate) fn receive(&mut self, bytes: &[u8], time_s: f64) {
+        self.note_data(time_s);
         let received = self.agent.receive(bytes, Some(time_s));
         self.records.extend(received.entry.map(Record::Entry));
         self.acknowledge(&received.receipt);
@@ -24,6 +26,7 @@ impl Vehicle {
     pub(crate) fn receive_piggyback(&mut self, input: &PiggybackIn) -> Result<(), Fault> {
         let bits = u64::from_str_radix(&input.bits, 16)
             .map_err(|_| Fault::of_field(FaultCode::WrongField, "bits", &input.bits, "1 to 16 hexadecimal digits"))?;
+        self.note_data(input.time);
         let received = self.agent.receive_piggyback(&input.from, input.time, bits, input.n_bits);
         self.records.extend(received.entry.map(Record::Entry));
         self.acknowledge(&received.receipt);
@@ -116,21 +119,23 @@ impl Vehicle {
             .modem
             .absorb(time_s, sentence)
             .map_err(|problem| Fault::of_field(FaultCode::WrongField, "sentence", sentence, problem))?;
+        self.note_modem_news(news);
+        Ok(())
+    }
+
+    /// Notes the content of sentences. Senders that are no other member are not counted: other teams may share the
+    /// water.
+    pub(crate) fn note_modem_news(&mut self, news: ModemNews) {
         for (arrival_s, source) in news.receptions {
-            self.note_modem_reception(&source, arrival_s)?;
+            if self.check_peer("sentence", &source).is_ok()
+                && let Err(fault) = self.note_reception(&source, arrival_s)
+            {
+                self.send(Message::Error { input: self.inputs, fault });
+            }
         }
         news.transmissions_s.into_iter().for_each(|time_s| self.note_transmission(time_s));
         for (from_s, to_s, reason) in news.deaf_intervals {
             self.change_ledger(LedgerRecord::Deaf { from_s, to_s, reason });
         }
-        Ok(())
-    }
-
-    /// Modem ids that belong to no other member are not counted: other teams may share the water.
-    fn note_modem_reception(&mut self, source: &VehicleId, time_s: f64) -> Result<(), Fault> {
-        if self.check_peer("sentence", source).is_err() {
-            return Ok(());
-        }
-        self.note_reception(source, time_s)
     }
 }

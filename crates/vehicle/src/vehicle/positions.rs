@@ -56,8 +56,8 @@ pub(crate) type StoredPosition = (VehicleId, f64, [Option<f64>; 4]);
 pub(crate) struct Positions {
     /// From navigation, or known independently of receptions.
     independent: BTreeMap<VehicleId, Fixes>,
-    /// The latest position of each vehicle, whatever its source.
-    latest: BTreeMap<VehicleId, (f64, Position)>,
+    /// From any source.
+    known: BTreeMap<VehicleId, Fixes>,
 }
 
 impl Positions {
@@ -65,10 +65,7 @@ impl Positions {
         if is_independent {
             self.independent.entry(id.clone()).or_default().add(time_s, position);
         }
-        let latest = self.latest.entry(id.clone()).or_insert((time_s, position));
-        if time_s >= latest.0 {
-            *latest = (time_s, position);
-        }
+        self.known.entry(id.clone()).or_default().add(time_s, position);
     }
 
     /// Returns the position of a vehicle at a time, from positions that are known independently of receptions.
@@ -76,26 +73,33 @@ impl Positions {
         self.independent.get(id)?.at(time_s, gap_s_max)
     }
 
+    /// Returns the last position before a time, whatever its source. `None` if it is older than `age_s_max`.
+    pub(crate) fn before(&self, id: &VehicleId, time_s: f64, age_s_max: f64) -> Option<Position> {
+        let fixes = &self.known.get(id)?.0;
+        let before = fixes.partition_point(|fix| fix.0 < time_s).checked_sub(1)?;
+        fixes.get(before).filter(|fix| time_s - fix.0 <= age_s_max).map(|fix| fix.1)
+    }
+
     /// Returns the latest position of each vehicle, and its time: for a store.
     pub(crate) fn stored(&self) -> Vec<StoredPosition> {
-        let stored = |(id, &(time_s, at)): (&VehicleId, &(f64, Position))| {
-            (id.clone(), time_s, [Some(at.east_m), Some(at.north_m), at.depth_m, at.heading_deg])
+        let stored = |(id, fixes): (&VehicleId, &Fixes)| {
+            let &(time_s, at) = fixes.0.back()?;
+            Some((id.clone(), time_s, [Some(at.east_m), Some(at.north_m), at.depth_m, at.heading_deg]))
         };
-        self.latest.iter().map(stored).collect()
+        self.known.iter().filter_map(stored).collect()
     }
 
     /// Takes the latest position of each vehicle from a store.
     pub(crate) fn restore(&mut self, stored: Vec<StoredPosition>) {
         for (id, time_s, [east_m, north_m, depth_m, heading_deg]) in stored {
             if let Some((east_m, north_m)) = east_m.zip(north_m) {
-                let position = Position { east_m, north_m, depth_m, heading_deg };
-                self.latest.insert(id, (time_s, position));
+                self.add(&id, time_s, Position { east_m, north_m, depth_m, heading_deg }, false);
             }
         }
     }
 
     /// Returns the latest position of a vehicle.
     pub(crate) fn latest(&self, id: &VehicleId) -> Option<Position> {
-        self.latest.get(id).map(|(_, position)| *position)
+        self.known.get(id)?.0.back().map(|(_, position)| *position)
     }
 }

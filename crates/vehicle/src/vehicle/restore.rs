@@ -1,5 +1,6 @@
 //! Begins with the content of a store.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use pingmap_agent::{Agent, AgentError, Entry, FrameState, Team};
@@ -39,6 +40,7 @@ struct Rest {
     late_receptions: u64,
     silence: Option<String>,
     positions: Vec<StoredPosition>,
+    open_frames: BTreeMap<u64, Option<u32>>,
 }
 
 impl Vehicle {
@@ -51,6 +53,7 @@ impl Vehicle {
             late_receptions: self.late_receptions,
             silence: self.silence.clone(),
             positions: self.positions.stored(),
+            open_frames: self.open_frames.clone(),
         };
         // Numbers are finite and keys are texts, so that this cannot fail.
         let rest = serde_json::to_vec(&rest).unwrap_or_default();
@@ -89,11 +92,11 @@ impl Vehicle {
         let (snapshot, rest) = split().ok_or_else(|| format!("{} bytes are too few", base.len()))?;
         let id = config.vehicle.clone();
         let agent = Agent::restore(id, team, config.agent_options(), snapshot).map_err(|error| error.to_string())?;
-        let Rest { ledger, scores, late_receptions, silence, positions } =
+        let Rest { ledger, scores, late_receptions, silence, positions, open_frames } =
             serde_json::from_slice(rest).map_err(|error| error.to_string())?;
         let mut vehicle = Self::with_agent(config, agent, reference);
         vehicle.positions.restore(positions);
-        Ok(Self { ledger, scores, late_receptions, silence, ..vehicle })
+        Ok(Self { ledger, scores, late_receptions, silence, open_frames, ..vehicle })
     }
 
     fn apply(&mut self, record: Record) -> Result<(), String> {

@@ -64,6 +64,10 @@ impl Vehicle {
         if due.is_empty() {
             return;
         }
+        if let Some(end_s) = slots.begin_s(due.end) {
+            let news = self.modem.finish_before(end_s);
+            self.note_modem_news(news);
+        }
         let own = self.id().clone();
         let mut excluded = BTreeMap::<String, u64>::new();
         for slot in due.clone() {
@@ -75,7 +79,7 @@ impl Vehicle {
             match self.ledger.outcome(slot, span_s, self.config.slots.listens) {
                 SlotOutcome::Excluded(reason) => *excluded.entry(reason).or_default() += 1,
                 SlotOutcome::Counts { heard } => {
-                    if let Err(error) = self.learn(sender, span_s.0, heard) {
+                    if let Err(error) = self.learn(sender, slot, span_s.0, heard) {
                         let fault = failed(&error);
                         self.send(Message::Error { input: self.inputs, fault });
                     }
@@ -84,6 +88,7 @@ impl Vehicle {
         }
         self.change_ledger(LedgerRecord::Settled { next: due.end, excluded });
         self.ledger.forget_intervals(&slots);
+        self.before_data = self.before_data.split_off(&due.end);
         self.refit_if_due();
     }
 
@@ -99,41 +104,57 @@ impl Vehicle {
 
     /// Learns the outcome of a slot: as an event if the host knows both positions independently of receptions, and
     /// else as an outcome without positions.
-    fn learn(&mut self, from: &VehicleId, time_s: f64, heard: bool) -> Result<(), AgentError> {
+    fn learn(&mut self, from: &VehicleId, slot: u32, time_s: f64, heard: bool) -> Result<(), AgentError> {
         let gap_s = self.gap_s_max();
-        let ends = self.positions.at(from, time_s, gap_s).zip(self.positions.at(self.id(), time_s, gap_s));
+        let (own, positions) = (self.id(), &self.positions);
+        let exact = positions.at(from, time_s, gap_s).zip(positions.at(own, time_s, gap_s));
+        // The latest positions before the slot predict it. They do not depend on whether it was heard.
+        let near = |id: &VehicleId| positions.at(id, time_s, gap_s).or_else(|| positions.before(id, time_s, gap_s));
+        let ends = exact.or_else(|| positions.before(from, time_s, gap_s).zip(near(own)));
         let event = ends.map(|(transmitter, receiver)| Event {
             time_s,
             transmitter_id: from.clone(),
-            receiver_id: self.id().clone(),
+            receiver_id: own.clone(),
             link: Link { transmitter, receiver },
             kind: None,
             success: heard,
         });
-        let mut learned = LearnedEvent { time: time_s, from: from.clone(), heard, probability: None, by_range: None };
-        match event.filter(|event| self.is_usable(event)) {
-            Some(event) => {
-                let map = self.agent.predict([event.query()], Which::Fused)?[0].probability;
-                let by_range = self.probability_by_range(&event.link);
-                (learned.probability, learned.by_range) = (Some(map), Some(by_range));
-                let entries = self.agent.record([event])?;
-                self.records.extend(entries.into_iter().map(Record::Entry));
-                let score = Score { map, by_range, heard };
-                self.scores.add(score);
-                self.records.push(Record::Score(score));
-            }
-            None => {
-                let entry = self.agent.record_outcome(from, time_s, heard)?;
-                self.records.extend(entry.map(Record::Entry));
-            }
+        let event = event.filter(|event| self.is_usable(event));
+        let score = event.as_ref().map(|event| self.score(event, slot)).transpose()?;
+        match event.filter(|_| exact.is_some()) {
+            Some(event) => self.records.extend(self.agent.record([event])?.into_iter().map(Record::Entry)),
+            None => self.records.extend(self.agent.record_outcome(from, time_s, heard)?.map(Record::Entry)),
         }
-        self.send(Message::Event(learned));
+        if let Some(score) = score {
+            self.scores.add(score);
+            self.records.push(Record::Score(score));
+        }
+        let (probability, by_range) = (score.map(|score| score.map), score.map(|score| score.by_range));
+        self.send(Message::Event(LearnedEvent { time: time_s, from: from.clone(), heard, probability, by_range }));
         Ok(())
     }
 
+    /// Predicts the event of a slot from what the vehicle knew before any data arrived in that slot. Data that arrive
+    /// with the message itself would make the prediction depend on the outcome.
+    fn score(&mut self, event: &Event, slot: u32) -> Result<Score, AgentError> {
+        let agent = self.before_data.range_mut(slot..).next().map_or(&mut self.agent, |(_, agent)| agent);
+        let map = agent.predict([event.query()], Which::Fused)?[0].probability;
+        let by_range = self.probability_by_range(&event.link);
+        Ok(Score { map, by_range, range_m: event.link.range_m(), heard: event.success })
+    }
+
+    /// Keeps what the vehicle knows for the prediction of the present slot, before data of other members arrive. O(n²)
+    /// for n events, once a slot.
+    pub(crate) fn note_data(&mut self, time_s: f64) {
+        let present = self.agent.team().slots.number(time_s.max(self.ledger.latest_s().unwrap_or(time_s)));
+        if let Some(present) = present.filter(|&slot| !self.ledger.is_settled(slot)) {
+            let agent = &self.agent;
+            self.before_data.entry(present).or_insert_with(|| agent.clone());
+        }
+    }
+
     pub(crate) fn probability_by_range(&mut self, link: &Link) -> f64 {
-        let events = self.agent.events();
-        self.by_range.probability(events.len(), events, link)
+        self.by_range.probability(&self.scores, self.config.conservative_range_m, link)
     }
 
     /// Fits again if enough data changed. The last fit stays after a failure.

@@ -41,6 +41,8 @@ pub struct Vehicle {
     pub(crate) scores: Scores,
     pub(crate) by_range: RangeModel,
     pub(crate) positions: Positions,
+    /// What the vehicle knew before data of other members arrived in slots that are not counted yet.
+    pub(crate) before_data: BTreeMap<u32, Agent>,
     pub(crate) modem: ModemStream,
     /// Frames that neither departed nor were dropped, with their expected slots.
     pub(crate) open_frames: BTreeMap<u64, Option<u32>>,
@@ -84,6 +86,7 @@ impl Vehicle {
             scores: Scores::default(),
             by_range: RangeModel::default(),
             positions: Positions::default(),
+            before_data: BTreeMap::new(),
             open_frames: BTreeMap::new(),
             silence: None,
             store_problem: None,

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use pingmap_agent::{Event, Link};
+use pingmap_agent::{Link, Position};
 use pingmap_trial::DistanceOnly;
 use serde::{Deserialize, Serialize};
 
@@ -11,17 +11,24 @@ use crate::protocol::output::Trust;
 /// Events that are compared.
 const EVENTS_MAX: usize = 200;
 
+/// Events without which the map is not trusted, and range alone is not fitted.
+const EVENTS_MIN: usize = 20;
+
 /// Events from which the model of range alone is fitted.
 const RANGE_EVENTS_MAX: usize = 2000;
 
 /// Smallest probability of a scored outcome. It bounds the effect of one event on the weight.
 const PROBABILITY_MIN: f64 = 1e-6;
 
-/// Predictions of one event before it was learned.
+/// Decrease of the log-odds between range zero and the conservative range.
+const CONSERVATIVE_LOSS: f64 = 4.0;
+
+/// Predictions of one event before it was learned, and its range.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Score {
     pub(crate) map: f64,
     pub(crate) by_range: f64,
+    pub(crate) range_m: f64,
     pub(crate) heard: bool,
 }
 
@@ -32,16 +39,24 @@ impl Score {
     }
 }
 
-/// The latest scores.
+/// The latest scores, and the number of all.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub(crate) struct Scores(VecDeque<Score>);
+pub(crate) struct Scores {
+    latest: VecDeque<Score>,
+    count: u64,
+}
 
 impl Scores {
     pub(crate) fn add(&mut self, score: Score) {
-        self.0.push_back(score);
-        if self.0.len() > EVENTS_MAX {
-            self.0.pop_front();
+        self.count += 1;
+        self.latest.push_back(score);
+        if self.latest.len() > RANGE_EVENTS_MAX {
+            self.latest.pop_front();
         }
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.count == 0
     }
 
     /// Returns the comparison of the map with range alone.
@@ -49,8 +64,9 @@ impl Scores {
     /// The weight of the map is its posterior probability in a mixture in which both had the weight one half before
     /// these events.
     pub(crate) fn trust(&self) -> Trust {
-        let events = self.0.len();
-        let sum = |of: fn(&Score) -> f64| self.0.iter().map(|score| Score::nll(of(score), score.heard)).sum::<f64>();
+        let compared = || self.latest.iter().rev().take(EVENTS_MAX);
+        let events = compared().len();
+        let sum = |of: fn(&Score) -> f64| compared().map(|score| Score::nll(of(score), score.heard)).sum::<f64>();
         let (map, by_range) = (sum(|score| score.map), sum(|score| score.by_range));
         let mean = |sum: f64| (events > 0).then(|| sum / events as f64);
         let map_weight = 1.0 / (1.0 + (map - by_range).exp());
@@ -60,8 +76,8 @@ impl Scores {
 
 /// Returns why the map deserves no trust; `None` if it does.
 pub(crate) fn distrust(trust: &Trust) -> Option<String> {
-    if trust.events == 0 {
-        return Some("no event was compared with the map yet".into());
+    if trust.events < EVENTS_MIN {
+        return Some(format!("{} of {EVENTS_MIN} events were compared with the map so far", trust.events));
     }
     (trust.map_weight < 0.5).then(|| {
         let [map, range] = [trust.map_nll, trust.range_nll].map(Option::unwrap_or_default);
@@ -69,31 +85,35 @@ pub(crate) fn distrust(trust: &Trust) -> Option<String> {
     })
 }
 
-/// Probabilities by range alone, from own events. Fitted again when asked after a change.
+/// Probabilities by range alone: logistic regression on the scored events. It is fitted again when asked after a change.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct RangeModel {
-    fitted: Option<(usize, DistanceOnly)>,
+    fitted: Option<(u64, DistanceOnly)>,
 }
 
 impl RangeModel {
-    /// Returns the probability of a link. `count` is the number of `events`, by which a change is noticed. O(N) after a
-    /// change, for the latest 2000 events.
-    pub(crate) fn probability<'a>(
-        &mut self,
-        count: usize,
-        events: impl DoubleEndedIterator<Item = &'a Event>,
-        link: &Link,
-    ) -> f64 {
+    /// Returns the probability of a link. With few events it is one half at the conservative range, if there is one.
+    /// O(N) after a change, for the latest 2000 events.
+    pub(crate) fn probability(&mut self, scores: &Scores, conservative_range_m: Option<f64>, link: &Link) -> f64 {
+        if let Some(range_m) = conservative_range_m.filter(|_| scores.count < EVENTS_MIN as u64) {
+            let log_odds = CONSERVATIVE_LOSS * (1.0 - link.range_m() / range_m);
+            return 1.0 / (1.0 + (-log_odds).exp());
+        }
         let fitted = match self.fitted {
-            Some((fitted_count, fitted)) if fitted_count == count => fitted,
+            Some((count, fitted)) if count == scores.count => fitted,
             _ => {
                 let (links, outcomes): (Vec<Link>, Vec<bool>) =
-                    events.rev().take(RANGE_EVENTS_MAX).map(|event| (event.link, event.success)).unzip();
+                    scores.latest.iter().map(|score| (link_of(score.range_m), score.heard)).unzip();
                 let fitted = DistanceOnly::fit(&links, &outcomes);
-                self.fitted = Some((count, fitted));
+                self.fitted = Some((scores.count, fitted));
                 fitted
             }
         };
         fitted.probability(link)
     }
+}
+
+/// Returns a link of this length.
+fn link_of(range_m: f64) -> Link {
+    Link { transmitter: Position::new(0.0, 0.0), receiver: Position::new(range_m, 0.0) }
 }

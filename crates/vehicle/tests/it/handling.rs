@@ -4,10 +4,11 @@ use std::sync::Arc;
 
 use pingmap_agent::{Chart, InputSpec, Model, Position, Slots, Team, VehicleId};
 use pingmap_import::Reference;
+use pingmap_packet::OutcomeBitmap;
 use pingmap_vehicle::{
     Answer, At, Contents, Departed, End, FaultCode, FrameIn, FrameLink, FrameRequest, Heard, Hello, Hex, Input,
-    LearnedEvent, Listening, Message, Nav, Nmea, Output, PROTOCOL, Peer, PeerSource, Place, Predict, QueryLink,
-    StatusReport, StoreState, Token, Vehicle, VehicleConfig,
+    LearnedEvent, Listening, Message, Nav, Nmea, Output, PROTOCOL, Peer, PeerSource, PiggybackIn, Place, Predict,
+    QueryLink, StatusReport, StoreState, Token, Vehicle, VehicleConfig,
 };
 
 const SLOT_S: f64 = 10.0;
@@ -225,7 +226,7 @@ fn trust_follows_from_predictions_that_were_made_before_the_events() {
     let mut host = Host::new("");
     host.nav(0.0);
     let before = host.predict(300.0);
-    assert!(!before.trusted && before.reason.unwrap().contains("no event"));
+    assert!(!before.trusted && before.reason.unwrap().starts_with("0 of 20 events"));
     host.cycles(|_| true, |_, _, _| {});
     let trust = host.status().trust;
     let nll = |of: fn(&LearnedEvent) -> Option<f64>| {
@@ -236,10 +237,67 @@ fn trust_follows_from_predictions_that_were_made_before_the_events() {
     let evidence = 10.0 * (trust.range_nll.unwrap() - trust.map_nll.unwrap());
     assert!((trust.map_weight - 1.0 / (1.0 + (-evidence).exp())).abs() < 1e-9);
     let after = host.predict(300.0);
-    assert_eq!(after.trusted, trust.map_weight >= 0.5);
+    assert!(!after.trusted && after.reason.unwrap().starts_with("10 of 20 events"));
     assert!(after.low <= after.probability && after.probability <= after.high && after.probability > 0.8);
     let restored = host.restarted().status().trust;
     assert_eq!(restored, trust);
+}
+
+#[test]
+fn positions_in_messages_alone_give_scores_that_do_not_depend_on_the_outcome() {
+    let scored = |heard: bool| {
+        let mut host = Host::new("");
+        for cycle in 0..12 {
+            let begin_s = 2.0 * SLOT_S * f64::from(cycle);
+            host.nav(begin_s);
+            host.nav(begin_s + SLOT_S + 1.0);
+            // Bob is heard in the first cycle. A message gives his position.
+            if cycle == 0 || heard {
+                host.hear(begin_s + SLOT_S + 2.0);
+                host.peer(begin_s + SLOT_S + 2.0, PeerSource::Message);
+            }
+        }
+        host.nav(260.0);
+        host.events.iter().map(|event| (event.time, event.probability.is_some())).collect::<Vec<_>>()
+    };
+    let (heard, missed) = (scored(true), scored(false));
+    assert!(!heard[0].1 && heard[1..].iter().all(|event| event.1), "{heard:?}");
+    assert_eq!(heard, missed);
+}
+
+#[test]
+fn before_any_event_the_answer_is_that_of_the_conservative_range() {
+    let mut host = Host::new("conservative_range_m = 500");
+    host.nav(0.0);
+    let [near, middle, far] = [0.0, 500.0, 1000.0].map(|east_m| host.predict(east_m));
+    assert!((middle.probability - 0.5).abs() < 1e-12 && middle.probability == middle.by_range);
+    assert!((near.probability + far.probability - 1.0).abs() < 1e-12 && near.probability > 0.98);
+    assert!(near.low <= near.probability && near.probability <= near.high);
+    host.cycles(|_| true, |_, _, _| {});
+    let after = host.predict(500.0);
+    assert!(after.probability > 0.5 && (after.by_range - 0.5).abs() < 1e-12);
+}
+
+#[test]
+fn a_prediction_uses_no_data_that_arrived_in_its_slot() {
+    // Bob's bits say that he heard Ada, and arrive with the last message.
+    let bits = OutcomeBitmap { slot_mod: 18, outcomes: vec![true; 10] }.encode();
+    let predicted = |receives_bits: bool| {
+        let mut host = Host::new("");
+        host.cycles(
+            |cycle| cycle < 9,
+            |host, cycle, begin_s| {
+                if cycle == 9 && receives_bits {
+                    let (from, bits, n_bits) = (VehicleId::new("bob"), format!("{bits:x}"), 16);
+                    host.send(Input::PiggybackIn(PiggybackIn { time: begin_s + 2.0, from, bits, n_bits }));
+                }
+            },
+        );
+        (host.events.last().unwrap().probability.unwrap(), host.status().located_events)
+    };
+    let ((without, none), (with, some)) = (predicted(false), predicted(true));
+    assert!(none == 0 && some > 0, "{some}");
+    assert_eq!(without, with);
 }
 
 #[test]
@@ -317,7 +375,7 @@ fn sentences_of_a_modem_show_receptions_and_transmissions() {
     say(10.5, "$CACYC,0,2,1,0,0,1");
     say(13.0, "$CARXD,2,1,0,1,00FF");
     say(14.0, "$CACST,0,120013,0,2,1,0,0,0,0,0,0,0");
-    say(16.0, "$CCCYC,0,1,2,0,0,1");
+    // No later sentence ends the message.
     host.peer(5.0, PeerSource::Other);
     host.peer(25.0, PeerSource::Other);
     host.nav(30.0);

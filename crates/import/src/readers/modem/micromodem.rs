@@ -72,6 +72,11 @@ impl Micromodem {
         }
     }
 
+    /// Ends the present message if it began before a time, in seconds.
+    pub(crate) fn finish_before(&mut self, time_s: f64, mut sink: Sink) {
+        self.receiver.finish_before(time_s, &mut sink);
+    }
+
     /// Ends the record, and adds the counts of unusable sentences and messages to `skipped`.
     pub(crate) fn finish(&mut self, mut sink: Sink, skipped: &mut SkipCounts) {
         self.receiver.finish_incoming(&mut sink);

@@ -112,6 +112,13 @@ impl Receiver {
         }
     }
 
+    /// Ends the present message if its first sentence came before a time.
+    pub(super) fn finish_before(&mut self, time_s: f64, sink: &mut Sink) {
+        if self.incoming.as_ref().is_some_and(|incoming| incoming.time_s < time_s) {
+            self.finish_incoming(sink);
+        }
+    }
+
     /// Absorbs a decoded frame.
     fn absorb_frame(&mut self, time_s: f64, sentence: &Sentence, cycle: Option<&Cycle>, sink: &mut Sink) {
         let (source, destination) = (sentence.field(0), sentence.field(1));

@@ -42,13 +42,24 @@ impl ModemStream {
     pub fn absorb(&mut self, time_s: f64, text: &str) -> Result<ModemNews, &'static str> {
         let sentence = Sentence::parse(text).ok_or("a sentence that begins with $ and has a right checksum")?;
         self.modem.absorb(time_s, &sentence, Sink { recording: &mut self.recording, ids: &self.ids });
+        Ok(self.take_news(time_s - FRAME_S_MAX))
+    }
+
+    /// Ends messages that began before a time, and returns what they show. Later sentences about them have no effect.
+    pub fn finish_before(&mut self, time_s: f64) -> ModemNews {
+        self.modem.finish_before(time_s, Sink { recording: &mut self.recording, ids: &self.ids });
+        self.take_news(time_s)
+    }
+
+    /// Returns receptions and deaf intervals, and transmissions before a time, which are final.
+    fn take_news(&mut self, final_s: f64) -> ModemNews {
         let arrivals = self.recording.arrivals.as_mut().map(std::mem::take).unwrap_or_default();
         let decoded = arrivals.into_iter().filter(|arrival| arrival.good);
         let deaf = std::mem::take(&mut self.recording.deaf_intervals);
         let mut transmissions_s = Vec::new();
         if let Some(transmissions) = &mut self.recording.transmissions {
             transmissions.retain(|transmission| {
-                let is_final = time_s - transmission.time_s > FRAME_S_MAX;
+                let is_final = transmission.time_s < final_s;
                 transmissions_s.extend(is_final.then_some(transmission.time_s));
                 !is_final
             });
@@ -58,14 +69,14 @@ impl ModemStream {
         self.recording.replies.clear();
         self.recording.bands.clear();
         self.recording.clock_syncs.clear();
-        Ok(ModemNews {
+        ModemNews {
             receptions: decoded.map(|arrival| (arrival.time_s, arrival.source)).collect(),
             transmissions_s,
             deaf_intervals: deaf
                 .into_iter()
                 .map(|(from_s, to_s, reason)| (from_s, to_s, reason.description().into()))
                 .collect(),
-        })
+        }
     }
 }
 
@@ -88,6 +99,11 @@ mod tests {
         absorb(11.0, "$CATXP,2");
         assert_eq!(absorb(14.0, "$CATXF,2").transmissions_s, [] as [f64; 0]);
         assert_eq!(absorb(30.0, "$CAREV,120030,AUV,0.92").transmissions_s, [11.0]);
+        // A message without any later sentence.
+        absorb(41.0, "$CACYC,0,2,1,0,0,1");
+        assert_eq!(absorb(44.0, "$CARXD,2,1,0,1,00FF").receptions, []);
+        assert_eq!(modem.finish_before(40.0), ModemNews::default());
+        assert_eq!(modem.finish_before(50.0).receptions, [(44.0, VehicleId::new("auv2"))]);
         assert!(modem.absorb(31.0, "$CARXD,2,1,0,1,00FF*00").is_err());
     }
 }
