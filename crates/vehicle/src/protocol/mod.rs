@@ -1,7 +1,7 @@
 //! The host protocol: one JSON object a line in each direction.
 //!
-//! `docs/vehicle.md` describes the messages for authors of hosts. Lines are read by [`read_line`], which names the
-//! field that is wrong.
+//! `docs/guides/vehicle.md` describes the messages for authors of hosts. Lines are read by [`read_line`], which names
+//! the field that is wrong.
 
 // In the order of the flow: each file uses only those above it.
 pub(crate) mod place;
