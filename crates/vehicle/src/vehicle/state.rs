@@ -41,7 +41,7 @@ pub struct Vehicle {
     pub(crate) scores: Scores,
     pub(crate) by_range: RangeModel,
     pub(crate) positions: Positions,
-    /// What the vehicle knew before data of other members arrived in slots that are not counted yet.
+    /// Copies of the agent from before data of other members arrived in slots that are not counted yet.
     pub(crate) before_data: BTreeMap<u32, Agent>,
     pub(crate) modem: ModemStream,
     /// Frames that neither departed nor were dropped, with their expected slots.

@@ -85,7 +85,7 @@ pub(crate) fn distrust(trust: &Trust) -> Option<String> {
     })
 }
 
-/// Probabilities by range alone: logistic regression on the scored events. It is fitted again when asked after a change.
+/// Probabilities by range alone: logistic regression on the scored events. It is fitted again after a change.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct RangeModel {
     fitted: Option<(u64, DistanceOnly)>,
