@@ -68,7 +68,8 @@ use crate::short_help::with_short_help;
     version,
     disable_version_flag = true,
     max_term_width = 100,
-    after_long_help = "Example:\n  pingmap demo --out report"
+    disable_help_subcommand = true,
+    after_long_help = "Example:\n  pingmap demo --out report\n\n`pingmap completions` and `pingmap man` print completions of a shell and manual pages."
 )]
 struct Arguments {
     /// Print only results, warnings and errors

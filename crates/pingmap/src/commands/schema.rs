@@ -7,10 +7,12 @@ use schemars::generate::SchemaSettings;
 use schemars::{JsonSchema, Schema};
 use serde_json::json;
 
-use super::{check, demo, import, learn, map, packet, plan, predict, replay, reproduce, select, simulate, store, team};
+use super::{
+    check, demo, fleet, import, learn, map, packet, plan, predict, replay, reproduce, select, simulate, store, team,
+};
 use crate::output::{BadInput, Results, print};
 
-/// Print the JSON Schema of the output of a command with --json, or of the lines of `pingmap vehicle`
+/// Print the JSON Schema of the output of a command, or of the lines of `pingmap vehicle`
 #[derive(Args)]
 #[command(after_help = "Example: pingmap schema \"plan track\"")]
 pub struct Options {
@@ -26,9 +28,10 @@ const MESSAGE: &str = "vehicle (message)";
 /// Name of a command, and the schema of its output.
 type Printed = (&'static str, fn() -> Schema);
 
-const SCHEMAS: [Printed; 23] = [
+const SCHEMAS: [Printed; 24] = [
     ("check", of::<check::CheckedJson>),
     ("demo", of::<demo::json::DemoJson>),
+    ("fleet", of::<fleet::json::FleetJson>),
     ("import", of::<import::json::ImportJson>),
     ("learn", of::<learn::json::LearnJson>),
     ("learn --update", of::<learn::json::AddedJson>),

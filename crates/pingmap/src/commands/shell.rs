@@ -12,7 +12,10 @@ use crate::output_target::Overwrite;
 
 /// Print the completion script of a shell
 #[derive(Args)]
-#[command(after_help = "Example: pingmap completions bash > /usr/share/bash-completion/completions/pingmap")]
+#[command(
+    hide = true,
+    after_help = "Example: pingmap completions bash > /usr/share/bash-completion/completions/pingmap"
+)]
 pub struct Completions {
     /// Name of the shell
     #[arg(value_enum)]
@@ -34,7 +37,7 @@ impl Completions {
 
 /// Print the manual page, or write the pages of all commands to a folder
 #[derive(Args)]
-#[command(after_help = "Example: pingmap man | man -l -")]
+#[command(hide = true, after_help = "Example: pingmap man | man -l -")]
 pub struct Man {
     /// Folder for the pages
     folder: Option<PathBuf>,

@@ -6,12 +6,17 @@ use crate::common::{file, pingmap, stderr, stdout};
 const COLUMNS_MAX: usize = 100;
 
 /// Every command. The empty name is the program.
-pub const COMMANDS: [&str; 23] = [
+pub const COMMANDS: [&str; 28] = [
     "",
     "demo",
     "import",
     "check",
     "replay",
+    "fleet",
+    "vehicle",
+    "store",
+    "store check",
+    "store export",
     "learn",
     "predict",
     "map",
@@ -61,7 +66,7 @@ fn the_short_help_of_every_command_fits_on_a_screen() {
 #[test]
 fn the_list_of_commands_is_complete() {
     let folder = tempfile::tempdir().unwrap();
-    for above in ["", "plan", "packet"] {
+    for above in ["", "plan", "packet", "store"] {
         let help = printed(folder.path(), &format!("{above} -h"));
         let list = help.split_once("Commands:\n").unwrap().1.split_once("\n\n").unwrap().0;
         let names = list.lines().filter_map(|line| line.split_whitespace().next()).filter(|name| *name != "help");

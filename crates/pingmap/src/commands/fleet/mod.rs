@@ -1,6 +1,6 @@
 //! `pingmap fleet`: one process for each vehicle of a mission, and one parent that is water and host.
 
-mod json;
+pub mod json;
 mod mission;
 mod process;
 mod report;
@@ -27,9 +27,9 @@ const TRIAL: &str = "bay3";
 /// Seed of the comparison.
 const SEED: u64 = 1;
 
-/// Run a mission with one process for each vehicle, as at sea; one process is killed and started again half-way
+/// Run a mission with one process for each vehicle, as at sea
 ///
-/// This program is the water and the hosts. Time runs as fast as the vehicles answer.
+/// Half-way one process is killed and started again. This program is the water and the hosts. Time runs as fast as the vehicles answer.
 #[derive(Args)]
 #[command(after_help = "Examples:\n  pingmap fleet\n  pingmap fleet log.csv --slot-every 10 --keep fleet")]
 pub struct Options {

@@ -11,8 +11,7 @@ pub fn text(name: &str, outcome: &Outcome, replayed: &Online) -> String {
     let mut text = format!("{name}: {}, each a process\n", count(vehicles, "vehicle"));
     if let Some(Killed { vehicle, time_s, events: [before, after] }) = &outcome.killed {
         text += &format!(
-            "{vehicle} was killed at {time_s:.0} s, after half of the mission, and started again: \
-             {} before, {after} after\n",
+            "{vehicle} was killed at {time_s:.0} s and started again: {} before, {after} after\n",
             count(*before, "own event")
         );
     }
