@@ -34,3 +34,5 @@ mod reproduce;
 mod simulate;
 mod tutorial;
 mod unusual_input;
+#[cfg(unix)]
+mod vehicle;

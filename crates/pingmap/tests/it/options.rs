@@ -271,6 +271,12 @@ const SCHEMA: &[Case] = &[
     ("--json", "", ""),
 ];
 
+const VEHICLE: &[Case] = &[("--config", "other-vehicle.toml", ""), ("--check", "", ""), ("--example", "", "")];
+
+const STORE_CHECK: &[Case] = &[("--json", "", "")];
+
+const STORE_EXPORT: &[Case] = &[("--team", "team-of-another.toml", ""), ("--output", "exported.csv", "")];
+
 /// Every command, and its options.
 fn commands() -> Vec<(&'static str, Vec<&'static [Case]>)> {
     vec![
@@ -308,6 +314,9 @@ fn commands() -> Vec<(&'static str, Vec<&'static [Case]>)> {
         ("packet decode PACKET", vec![DECODE]),
         ("packet encode packet.json", vec![ENCODE]),
         ("packet schema", vec![SCHEMA]),
+        ("vehicle", vec![VEHICLE]),
+        ("store check ada.redb", vec![STORE_CHECK]),
+        ("store export ada.redb", vec![STORE_EXPORT]),
     ]
 }
 
@@ -350,6 +359,14 @@ fn prepare(folder: &Path) {
     file(folder, "offsets.toml", read("model.toml") + OFFSETS);
     file(folder, "aspect.toml", read("model.toml") + ASPECT);
     prepare_mission(folder, &read);
+    for (name, vehicle) in [("vehicle.toml", "ada"), ("other-vehicle.toml", "bob")] {
+        file(folder, name, format!("schema = 1\nvehicle = \"{vehicle}\"\nteam = \"team.toml\"\n"));
+    }
+    // The vehicle ends with its input, and leaves a store.
+    for arguments in [&["vehicle"][..], &["team", "events.csv", "--output", "team-of-another.toml"]] {
+        let output = pingmap(folder, arguments);
+        assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));
+    }
     file(folder, "packet.json", stdout(&pingmap(folder, &["packet", "decode", PACKET, "--json"])));
 }
 
@@ -482,8 +499,9 @@ fn every_option_changes_the_result() {
     let all: BTreeSet<&String> = cases.iter().flat_map(|(given, base)| [given, base]).collect();
     let outcomes: BTreeMap<&String, Outcome> =
         all.into_par_iter().map(|arguments| (arguments, outcome(folder.path(), arguments))).collect();
-    // The packet belongs to another team than the file.
-    let may_be_refused = |arguments: &str| arguments.starts_with("packet") && arguments.contains("--team");
+    // Packet and store belong to another team than the file.
+    let is_of_team = |arguments: &str| arguments.starts_with("packet") || arguments.starts_with("store");
+    let may_be_refused = |arguments: &str| is_of_team(arguments) && arguments.contains("--team");
     let refused = outcomes.iter().filter(|(_, outcome)| outcome.0 != Some(0)).map(|(arguments, _)| *arguments);
     let refused: Vec<&String> = refused.filter(|arguments| !may_be_refused(arguments)).collect();
     assert_eq!(refused, [""; 0], "refused: choose other values");
@@ -496,7 +514,7 @@ fn the_cases_contain_every_option() {
     let mut known: BTreeMap<Vec<&str>, BTreeSet<String>> = BTreeMap::new();
     for (command, parts) in commands() {
         let words: Vec<&str> = command.split(' ').collect();
-        let name = if ["packet", "plan"].contains(&words[0]) { &words[..2] } else { &words[..1] };
+        let name = if ["packet", "plan", "store"].contains(&words[0]) { &words[..2] } else { &words[..1] };
         let options = parts.into_iter().flatten();
         known.entry(name.to_vec()).or_default().extend(options.map(|case| case.0.to_owned()));
         if words[0] == "plan" {
@@ -514,8 +532,17 @@ fn the_cases_contain_every_option() {
             .filter_map(|line| line.split([' ', ',', '[']).find(is_option).map(str::to_owned))
             // The number of threads must have no effect. The other options here have their own tests.
             .filter(|option| {
-                !["--help", "--threads", "--overwrite", "--accept-bad-log", "--strict", "--quiet", "--unpacked-max"]
-                    .contains(&option.as_str())
+                ![
+                    "--help",
+                    "--threads",
+                    "--overwrite",
+                    "--accept-bad-log",
+                    "--strict",
+                    "--quiet",
+                    "--unpacked-max",
+                    "--adopt-store",
+                ]
+                .contains(&option.as_str())
             })
             .filter(|option| option != ADDITIONS.0 || known.contains(option))
             .collect();

@@ -58,6 +58,11 @@ impl Host {
         Ok(Self { arrivals, messages: Some(to_host), writer, closer })
     }
 
+    /// Returns whether the host takes messages. The writer ends when it does not.
+    fn takes_messages(&self) -> bool {
+        self.messages.is_some() && !self.writer.is_finished()
+    }
+
     /// Queues a message. Waits while the host does not read, but not after a request to stop.
     fn send(&mut self, mut message: Message, stop: &StopRequest<'_>) {
         while let Some(messages) = &self.messages {
@@ -94,7 +99,7 @@ impl Owner<'_> {
         while !self.has_stopped && !self.stop.is_made() {
             match host.arrivals.recv_timeout(POLL) {
                 Ok(arrival) => self.handle(arrival, &mut host),
-                Err(RecvTimeoutError::Timeout) if host.messages.is_some() => {}
+                Err(RecvTimeoutError::Timeout) if host.takes_messages() => {}
                 Err(_) => break,
             }
         }

@@ -17,7 +17,7 @@ use crate::team::read_team;
 
 /// Write the vehicle's own events in a store as an event log. The store is not changed
 #[derive(Args)]
-#[command(after_long_help = "Example:\n  pingmap store export auv1.redb --team team.toml -o events.csv")]
+#[command(after_long_help = "Example:\n  pingmap store export auv1.redb --team team.toml -o exported.csv")]
 pub struct Options {
     /// The store. No vehicle may have it open
     #[arg(value_name = "FILE")]

@@ -10,7 +10,7 @@ use crate::output::Results;
 /// Look into the store of a vehicle: check it, or export its events
 #[derive(Args)]
 #[command(
-    after_long_help = "Examples:\n  pingmap store check auv1.redb\n  pingmap store export auv1.redb --team team.toml -o events.csv"
+    after_long_help = "Examples:\n  pingmap store check auv1.redb\n  pingmap store export auv1.redb --team team.toml -o exported.csv"
 )]
 pub struct Options {
     #[command(subcommand)]
