@@ -7,9 +7,8 @@ use schemars::generate::SchemaSettings;
 use schemars::{JsonSchema, Schema};
 use serde_json::json;
 
-use super::{
-    check, demo, fleet, import, learn, map, packet, plan, predict, replay, reproduce, select, simulate, store, team,
-};
+use super::{check, demo, fleet, import, learn, map, packet, plan};
+use super::{predict, replay, reproduce, select, simulate, store, team};
 use crate::output::{BadInput, Results, print};
 
 /// Print the JSON Schema of the output of a command, or of the lines of `pingmap vehicle`

@@ -49,7 +49,7 @@ impl Options {
             let checked = check(&setup).map_err(failure)?;
             return print_text(results, &summary(&setup, &checked));
         }
-        Ok(run(&setup, &|| Interrupt::check().is_err()).map_err(failure)?)
+        run(&setup, &|| Interrupt::check().is_err()).map_err(failure)
     }
 
     fn setup(&self) -> anyhow::Result<Setup> {

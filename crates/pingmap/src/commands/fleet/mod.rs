@@ -16,7 +16,7 @@ use pingmap_trial::{EventLog, Plan, TrafficPlan, built_in, online};
 use crate::cli_parsers::{packets, piggyback_bytes};
 use crate::log::open_log;
 use crate::options::RESULT;
-use crate::output::{BadInput, Results, note, print_json, print_text, progress};
+use crate::output::{Results, note, print_json, print_text, progress};
 use json::FleetJson;
 use mission::Mission;
 use setup::Setup;
@@ -29,7 +29,8 @@ const SEED: u64 = 1;
 
 /// Run a mission with one process for each vehicle, as at sea
 ///
-/// Half-way one process is killed and started again. This program is the water and the hosts. Time runs as fast as the vehicles answer.
+/// Half-way one process is killed and started again. This program is the water and the hosts. Time runs as fast as the
+/// vehicles answer.
 #[derive(Args)]
 #[command(after_help = "Examples:\n  pingmap fleet\n  pingmap fleet log.csv --slot-every 10 --keep fleet")]
 pub struct Options {
@@ -101,9 +102,4 @@ fn plan() -> Plan {
 /// Parses a number of piggybacked bytes. 0 means none.
 fn bytes_or_none(text: &str) -> Result<usize, String> {
     if text.trim() == "0" { Ok(0) } else { piggyback_bytes(text) }
-}
-
-/// Returns the error for a log that processes cannot run.
-pub(super) fn unusable(problem: &str) -> anyhow::Error {
-    BadInput(problem.into()).into()
 }

@@ -8,8 +8,8 @@ use pingmap_agent::{ModelFile, Team, TeamFile, VehicleId};
 use pingmap_trial::{EventLog, Plan, TrafficPlan, schedule};
 use tempfile::TempDir;
 
-use super::unusable;
 use crate::files::write_file;
+use crate::output::BadInput;
 
 /// The files of a fleet.
 pub struct Setup {
@@ -66,4 +66,9 @@ fn config_text(number: u8, id: &VehicleId, sends_frames: bool) -> String {
         "log.level = \"warn\"".to_owned(),
     ];
     lines.join("\n") + "\n"
+}
+
+/// Returns the error for a log that processes cannot run.
+fn unusable(problem: &str) -> anyhow::Error {
+    BadInput(problem.into()).into()
 }
