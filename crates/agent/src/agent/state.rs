@@ -51,12 +51,12 @@ use crate::types::interrupt::Interrupt;
 ///
 /// // In her own slot she sends a frame of at most 32 bytes.
 /// let frame = agent.next_frame(Some(60.0), 32)?.expect("three new outcomes");
-/// assert!(frame.len() <= 32);
+/// assert!(frame.bytes.len() <= 32);
 ///
 /// // Bob knows where he was when he transmitted. The frame says where Alice was.
 /// let mut other = Agent::new(bob, team, AgentOptions::default());
 /// other.record_positions([0.0, 60.0].map(|time_s| (time_s, Position::new(0.0, 0.0))))?;
-/// assert_eq!(other.receive(&frame, Some(61.0)).receipt, Receipt::Accepted);
+/// assert_eq!(other.receive(&frame.bytes, Some(61.0)).receipt, Receipt::Accepted);
 /// assert_eq!(other.status().located_events, 3);
 /// assert!(other.probability(link(150.0))? > 0.5);
 /// assert!(other.probability(link(900.0))? < 0.5);
