@@ -40,7 +40,7 @@ pub use model::learning::{LearnedModel, Learning};
 pub use model::link_model::{MODEL_SCHEMA, Model};
 pub use model::optional_terms::{OptionalTerm, OptionalTerms};
 pub use model::site_prior::SitePrior;
-pub use model::structure::{MeanStructure, PathInputs, Structure, Terms};
+pub use model::structure::{CONSERVATIVE_LOSS, MeanStructure, PathInputs, Structure, Terms};
 pub use pingmap_packet::Key;
 pub use store::clock::COUNTER_LEAD;
 pub use store::entry::{Entry, FrameState};

@@ -45,7 +45,7 @@ pub enum MeanStructure {
 }
 
 /// Decrease of the log-odds of a conservative prior mean between range zero and its range.
-const CONSERVATIVE_LOSS: f64 = 4.0;
+pub const CONSERVATIVE_LOSS: f64 = 4.0;
 
 impl MeanStructure {
     /// Returns a prior mean with even odds at `range_m` metres. Log-odds decrease by `slope_per_m` per metre, by

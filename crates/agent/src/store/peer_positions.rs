@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::store::own_outcomes::Seconds;
-use crate::track::position_track::Track;
+use crate::track::position_track::{Track, coordinate_bits};
 use crate::types::event::Position;
 
 /// One position by time, and whether it is known independently of receptions.
@@ -30,9 +30,9 @@ impl PeerPositions {
         Self { max: max.max(1), members: BTreeMap::new() }
     }
 
-    /// Inserts a position. If there are several positions at one time, one that is known independently of receptions
-    /// replaces one that is not; of equal kinds the first one in the bitwise order of the coordinates counts. Returns
-    /// whether that changed anything.
+    /// Inserts a position. At one time, a position that is known independently of receptions replaces another one.
+    /// Among positions of one kind, the first one in the bitwise order of the coordinates counts. Returns whether
+    /// anything changed.
     pub(crate) fn insert(&mut self, member: u8, time_s: f64, position: Position, is_independent: bool) -> bool {
         let fixes = self.members.entry(member).or_default();
         let new = (position, is_independent);
@@ -76,7 +76,5 @@ impl PeerTracks {
 
 /// The order in which positions at one time count.
 fn order((position, is_independent): &Fix) -> (bool, [u64; 4]) {
-    let or_least = |value: Option<f64>| value.unwrap_or(f64::NEG_INFINITY);
-    let [depth_m, heading_deg] = [position.depth_m, position.heading_deg].map(or_least);
-    (!is_independent, [position.east_m, position.north_m, depth_m, heading_deg].map(f64::to_bits))
+    (!is_independent, coordinate_bits(position))
 }

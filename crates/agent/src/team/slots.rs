@@ -167,8 +167,9 @@ impl Slots {
         Some((begin_s - SAME_S, begin_s + length_s + SAME_S))
     }
 
-    /// Returns the beginning of the next slot that has a sender, in seconds.
-    pub(crate) fn next_begin_s(&self, number: u32) -> Option<f64> {
+    /// Returns the beginning of the next slot that has a sender, in seconds. A message of this slot may last until
+    /// then.
+    pub fn next_begin_s(&self, number: u32) -> Option<f64> {
         let next =
             (number.saturating_add(1)..self.end()).take(self.cycle_slots()).find(|&next| self.sender(next).is_some());
         self.begin_s(next?)

@@ -13,12 +13,7 @@ impl Track {
     /// Creates a track from positions in any order. If there are several positions at one time, the first one in the
     /// bitwise order of their coordinates counts.
     pub(crate) fn new(mut fixes: Vec<(f64, Position)>) -> Self {
-        let coordinates = |position: &Position| {
-            let or_least = |value: Option<f64>| value.unwrap_or(f64::NEG_INFINITY);
-            let [depth_m, heading_deg] = [position.depth_m, position.heading_deg].map(or_least);
-            [position.east_m, position.north_m, depth_m, heading_deg].map(f64::to_bits)
-        };
-        fixes.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| coordinates(&a.1).cmp(&coordinates(&b.1))));
+        fixes.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| coordinate_bits(&a.1).cmp(&coordinate_bits(&b.1))));
         fixes.dedup_by(|later, kept| later.0 == kept.0);
         Self(fixes)
     }
@@ -80,6 +75,13 @@ impl Track {
         };
         earlier.take_while(is_near).find_map(|(_, fix)| fix.1.course_deg(to))
     }
+}
+
+/// Returns the bits of all coordinates, by which positions at one time are ordered. Unknown ones are least.
+pub(crate) fn coordinate_bits(position: &Position) -> [u64; 4] {
+    let or_least = |value: Option<f64>| value.unwrap_or(f64::NEG_INFINITY);
+    let [depth_m, heading_deg] = [position.depth_m, position.heading_deg].map(or_least);
+    [position.east_m, position.north_m, depth_m, heading_deg].map(f64::to_bits)
 }
 
 /// Returns the position at a time on the straight line through two positions, at constant velocity. Extrapolates

@@ -11,7 +11,7 @@ use pingmap_vehicle::{Checked, Listen, ProcessError, Setup, StoreError, VEHICLE_
 use crate::output::{BadInput, Results, count, print, print_text, read_text};
 use crate::team::read_team_with_private_key;
 
-/// Run one vehicle beside the software that owns its modem, by JSON lines
+/// Run one vehicle next to the software that owns its modem, by JSON lines
 ///
 /// The host writes one JSON object a line to standard input, or to the socket of the configuration. It begins with
 /// hello. Everything that is answered with ok is stored before the answer. The process ends with the input, with stop,

@@ -37,15 +37,9 @@ pub fn check(setup: &Setup) -> Result<Checked, ProcessError> {
         Err(error) => return Err(error.into()),
     };
     if let Some(report) = &store {
-        let identity = setup.identity();
-        let (found, expected) = (&report.identity, &identity);
-        if found.vehicle != expected.vehicle {
-            let (found, expected) = (found.vehicle.clone(), expected.vehicle.clone());
-            return Err(StoreError::OtherVehicle { path: store_path, found, expected }.into());
-        }
-        if found.team_digest != expected.team_digest && !setup.adopts_store {
-            let (found, expected) = (found.team_digest, expected.team_digest);
-            return Err(StoreError::OtherTeam { path: store_path, found, expected }.into());
+        match setup.adopts_store {
+            true => report.identity.check_vehicle(&store_path, &setup.identity())?,
+            false => report.identity.check(&store_path, &setup.identity())?,
         }
     }
     let has_snapshot = snapshot_path.exists();

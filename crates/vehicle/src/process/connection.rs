@@ -33,7 +33,7 @@ impl Connection {
         Ok(Self { input, output, socket: Some(socket) })
     }
 
-    /// Separates the two directions from what closes them.
+    /// Returns the two directions, and the handle that closes them.
     pub(crate) fn split(self) -> (Box<dyn Read + Send>, Box<dyn Write + Send>, Closer) {
         (self.input, self.output, Closer(self.socket))
     }

@@ -1,6 +1,6 @@
 //! Starting: from a configuration to a vehicle and its open store.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use pingmap_agent::{Team, VehicleId};
@@ -14,7 +14,8 @@ use crate::store::identity::Identity;
 use crate::store::recovery::{Opened, open_or_recover_with};
 use crate::store::tables::Contents;
 use crate::store::vehicle_store::Store;
-use crate::vehicle::state::{Output, Vehicle};
+use crate::vehicle::restore::RestoreError;
+use crate::vehicle::state::Vehicle;
 
 /// The inputs of the process of a vehicle.
 #[derive(Debug, Clone)]
@@ -25,7 +26,7 @@ pub struct Setup {
     pub folder: PathBuf,
     /// The team, with its key if it has one.
     pub team: Arc<Team>,
-    /// Whether a store of another team configuration is given to this one.
+    /// Whether the vehicle takes over a store of another team configuration.
     pub adopts_store: bool,
 }
 
@@ -91,7 +92,7 @@ impl Setup {
             Some(Err(error)) => (self.empty(reference), false, format!("{problem}; its snapshot is damaged: {error}")),
             None => (self.empty(reference), false, problem.to_owned()),
         };
-        let Output::Base(base) = vehicle.note_recovery(has_snapshot, &problem) else { return (vehicle, Vec::new()) };
+        let base = vehicle.note_recovery(has_snapshot, &problem);
         (vehicle, base)
     }
 
@@ -99,21 +100,12 @@ impl Setup {
         Vehicle::new(self.config.clone(), self.team.clone(), reference.clone())
     }
 
-    fn restore(
-        &self,
-        reference: &Reference,
-        contents: &Contents,
-    ) -> Result<Vehicle, crate::vehicle::restore::RestoreError> {
+    fn restore(&self, reference: &Reference, contents: &Contents) -> Result<Vehicle, RestoreError> {
         Vehicle::restore(self.config.clone(), self.team.clone(), reference.clone(), contents)
     }
 
     /// Returns the vehicle with the content of its store.
-    pub(crate) fn begin(
-        &self,
-        reference: &Reference,
-        content: Content,
-        path: &std::path::Path,
-    ) -> Result<Vehicle, ProcessError> {
+    pub(crate) fn begin(&self, reference: &Reference, content: Content, path: &Path) -> Result<Vehicle, ProcessError> {
         match content {
             Content::Recovered(vehicle) => Ok(*vehicle),
             Content::Stored(contents) => {

@@ -13,7 +13,7 @@ pub(crate) fn write(output: impl Write, messages: &Receiver<Message>) {
     if let Err(error) = write_all(&mut output, messages) {
         tracing::warn!(%error, "the host does not take messages any more");
     }
-    // What is left cannot be delivered. Dropping would try again.
+    // The rest cannot be delivered. Dropping would try again.
     drop(output.into_parts());
 }
 

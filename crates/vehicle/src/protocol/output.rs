@@ -182,7 +182,7 @@ pub struct StatusReport {
     pub late_receptions: u64,
     /// Frames that neither departed nor were dropped.
     pub open_frames: usize,
-    /// Frames by what became of them: accepted, or refused for a reason.
+    /// Numbers of accepted frames, and of refused frames by reason.
     pub frames: BTreeMap<String, u64>,
     /// Offset of the vehicle's own clock in slots, if the receptions show one.
     #[serde(skip_serializing_if = "Option::is_none", default)]

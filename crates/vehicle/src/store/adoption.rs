@@ -18,7 +18,7 @@ use crate::store::verification::Verified;
 pub fn adopt_store(path: &Path, identity: &Identity) -> Result<Identity, StoreError> {
     let file = LockedFile::open(path)?;
     let verified = Verified::new(path, file.storage())?;
-    verified.check_vehicle(path, identity)?;
+    verified.identity.check_vehicle(path, identity)?;
     verified.correct(path, file.storage())?;
     let storage = file.unlock(path)?;
     catch_panics(path, || {

@@ -3,7 +3,7 @@
 use std::io::{Error, ErrorKind};
 use std::path::{Path, PathBuf};
 
-use crate::store::identity::hexadecimal;
+use pingmap_packet::to_hex;
 
 /// The reason why a store or a snapshot cannot be used. Each text names the file and a remedy.
 #[derive(Debug, thiserror::Error)]
@@ -62,7 +62,7 @@ pub enum StoreError {
     #[error(
         "the store {} was recorded with the team configuration {}, but this one is {}. Use the team file and epoch of \
          the store, choose another path, or adopt the store to keep its entries under this team.",
-        path.display(), hexadecimal(found), hexadecimal(expected)
+        path.display(), to_hex(found), to_hex(expected)
     )]
     OtherTeam {
         /// The file.

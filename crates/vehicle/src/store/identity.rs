@@ -1,6 +1,8 @@
 //! [`Identity`]: to which vehicle and team a store belongs.
 
-use std::fmt::Write;
+use std::path::Path;
+
+use crate::store::error::StoreError;
 
 /// The vehicle and the team configuration to which a store belongs.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -11,11 +13,24 @@ pub struct Identity {
     pub team_digest: [u8; 32],
 }
 
-/// Returns the digest in hexadecimal digits.
-pub(crate) fn hexadecimal(digest: &[u8; 32]) -> String {
-    digest.iter().fold(String::new(), |mut text, byte| {
-        // Writing to a string does not fail.
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
+impl Identity {
+    /// Refuses the store at `path`, which has this identity, if another one is expected.
+    pub(crate) fn check(&self, path: &Path, expected: &Self) -> Result<(), StoreError> {
+        self.check_vehicle(path, expected)?;
+        let (found, expected) = (self.team_digest, expected.team_digest);
+        if found != expected {
+            return Err(StoreError::OtherTeam { path: path.into(), found, expected });
+        }
+        Ok(())
+    }
+
+    /// Refuses the store at `path`, which has this identity, if another vehicle is expected.
+    pub(crate) fn check_vehicle(&self, path: &Path, expected: &Self) -> Result<(), StoreError> {
+        let (found, expected) = (&self.vehicle, &expected.vehicle);
+        if found != expected {
+            let (found, expected) = (found.clone(), expected.clone());
+            return Err(StoreError::OtherVehicle { path: path.into(), found, expected });
+        }
+        Ok(())
+    }
 }

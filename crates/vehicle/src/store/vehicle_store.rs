@@ -60,7 +60,7 @@ impl Store {
             return Ok((Self { path: path.into(), database: Some(database), next: 0 }, Contents::default()));
         }
         let verified = Verified::new(path, &storage)?;
-        verified.check_identity(path, identity)?;
+        verified.identity.check(path, identity)?;
         verified.correct(path, &storage)?;
         Self::open_verified(path, storage)
     }
@@ -72,7 +72,7 @@ impl Store {
         verified: &Verified,
         identity: &Identity,
     ) -> Result<(Self, Contents), StoreError> {
-        verified.check_identity(path, identity)?;
+        verified.identity.check(path, identity)?;
         verified.correct(path, file.storage())?;
         Self::open_verified(path, file.unlock(path)?)
     }

@@ -46,26 +46,6 @@ impl Verified {
         }
         Ok(())
     }
-
-    /// Refuses a store of another vehicle or team.
-    pub(crate) fn check_identity(&self, path: &Path, identity: &Identity) -> Result<(), StoreError> {
-        self.check_vehicle(path, identity)?;
-        let (found, expected) = (self.identity.team_digest, identity.team_digest);
-        if found != expected {
-            return Err(StoreError::OtherTeam { path: path.into(), found, expected });
-        }
-        Ok(())
-    }
-
-    /// Refuses a store of another vehicle.
-    pub(crate) fn check_vehicle(&self, path: &Path, identity: &Identity) -> Result<(), StoreError> {
-        let (found, expected) = (&self.identity.vehicle, &identity.vehicle);
-        if found != expected {
-            let (found, expected) = (found.clone(), expected.clone());
-            return Err(StoreError::OtherVehicle { path: path.into(), found, expected });
-        }
-        Ok(())
-    }
 }
 
 /// Reads a copy. Memory does not fail, so that every error of the engine is damage.

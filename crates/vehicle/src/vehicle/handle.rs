@@ -30,7 +30,7 @@ impl Vehicle {
         self.inputs = number.saturating_sub(1);
     }
 
-    /// Begins with another host. It must send `hello`, and its inputs are counted from 1.
+    /// Expects another host from now on. It must send `hello`, and its inputs are counted from 1.
     pub fn begin_host(&mut self) {
         self.has_greeted = false;
         self.inputs = 0;
@@ -119,7 +119,7 @@ impl Vehicle {
             Input::Predict(predict) => {
                 // A query may be about any time.
                 return match predict.time {
-                    Some(time_s) => self.check_query_time(time_s).map(|()| None),
+                    Some(time_s) => self.check_any_time("time", time_s).map(|()| None),
                     None => Ok(None),
                 };
             }
@@ -289,11 +289,5 @@ impl Vehicle {
             Some(reason) => LedgerRecord::Deaf { from_s: from, to_s: to, reason: shortened(&reason) },
             None => LedgerRecord::Listened { from_s: from, to_s: to },
         });
-    }
-
-    fn check_query_time(&self, time_s: f64) -> Result<(), Fault> {
-        use pingmap_agent::bounds::TIME_S;
-        let is_right = TIME_S.check(time_s).is_some();
-        if is_right { Ok(()) } else { Err(Fault::of_field(FaultCode::OutOfBounds, "time", time_s, TIME_S)) }
     }
 }

@@ -29,7 +29,7 @@ pub(crate) enum LedgerRecord {
     DeafUntil { to_s: f64, reason: String },
     /// The host reported that the vehicle could receive.
     Listened { from_s: f64, to_s: f64 },
-    /// Slots before this one are counted. Some of them did not count, by reason.
+    /// All slots before `next` are counted. Some of them did not count, by reason.
     Settled { next: u32, excluded: BTreeMap<String, u64> },
     /// An input of this time was handled.
     Handled { time_s: f64 },
@@ -153,7 +153,7 @@ impl Ledger {
         (!listens && !self.has_listened(begin_s, end_s)).then(|| "not reported as listening".into())
     }
 
-    /// Returns whether the reported intervals cover this one.
+    /// Returns whether the reported intervals cover the time from `begin_s` to `end_s`.
     fn has_listened(&self, begin_s: f64, end_s: f64) -> bool {
         let mut covered_s = begin_s;
         let mut intervals = self.listened.clone();
@@ -179,8 +179,7 @@ impl Ledger {
 /// a sender.
 pub(crate) fn span_s(slots: &Slots, slot: u32) -> Option<(f64, f64)> {
     let begin_s = slots.begin_s(slot)?;
-    let next = (slot + 1..slots.end()).take(slots.order.len().max(1)).find(|&next| slots.sender(next).is_some());
-    Some((begin_s, next.and_then(|next| slots.begin_s(next)).unwrap_or(begin_s + slots.duration_s)))
+    Some((begin_s, slots.next_begin_s(slot).unwrap_or(begin_s + slots.duration_s)))
 }
 
 /// Returns the text of a reason, shortened.

@@ -12,7 +12,7 @@ const FIXES_MAX: usize = 600;
 pub(crate) struct Fixes(VecDeque<(f64, Position)>);
 
 impl Fixes {
-    /// Adds a position. Of several at one time, the last one counts.
+    /// Adds a position. It replaces a position at the same time.
     fn add(&mut self, time_s: f64, position: Position) {
         let index = self.0.partition_point(|fix| fix.0 < time_s);
         match self.0.get_mut(index).filter(|fix| fix.0 == time_s) {

@@ -38,7 +38,7 @@ impl Record {
         [&[TEXT], serde_json::to_vec(&text).unwrap_or_default().as_slice()].concat()
     }
 
-    /// Returns the record, or a description of what is wrong.
+    /// Returns the record, or a description of the problem.
     pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
         match bytes.split_first() {
             Some((&ENTRY, entry)) => Entry::from_bytes(entry).map(Record::Entry).map_err(|error| error.to_string()),

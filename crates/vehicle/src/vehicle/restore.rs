@@ -12,7 +12,7 @@ use crate::store::tables::Contents;
 use crate::vehicle::ledger::Ledger;
 use crate::vehicle::positions::StoredPosition;
 use crate::vehicle::record::Record;
-use crate::vehicle::state::{Output, Vehicle};
+use crate::vehicle::state::Vehicle;
 use crate::vehicle::trust::Scores;
 
 /// Error in the content of a store.
@@ -80,7 +80,6 @@ impl Vehicle {
                 .and_then(|record| vehicle.apply(record))
                 .map_err(|problem| RestoreError::Record { index, problem })?;
         }
-        vehicle.is_starting = true;
         Ok(vehicle)
     }
 
@@ -127,7 +126,7 @@ impl Vehicle {
     /// Continues after the store was damaged, with what a snapshot held. Entries after the snapshot are lost, so that
     /// counters of packets may have been used that the vehicle does not know: it skips a window of them. Without a
     /// snapshot it cannot know any, and sends nothing. Returns the base for the store.
-    pub fn note_recovery(&mut self, has_snapshot: bool, problem: &str) -> Output {
+    pub fn note_recovery(&mut self, has_snapshot: bool, problem: &str) -> Vec<u8> {
         let mut warning = format!("the store was damaged ({problem}); ");
         if has_snapshot {
             self.agent.skip_counters();
@@ -139,6 +138,6 @@ impl Vehicle {
             warning += "there is no snapshot, so that the vehicle begins without data and sends nothing";
         }
         self.warnings.push(warning);
-        Output::Base(self.base())
+        self.base()
     }
 }

@@ -59,11 +59,11 @@ impl Vehicle {
 
     /// Counts the slots that ended long enough ago.
     pub(crate) fn count_slots(&mut self) {
-        let slots = self.agent.team().slots.clone();
-        let due = self.ledger.due(&slots, self.config.slots.settle_s);
+        let due = self.ledger.due(&self.agent.team().slots, self.config.slots.settle_s);
         if due.is_empty() {
             return;
         }
+        let slots = self.agent.team().slots.clone();
         if let Some(end_s) = slots.begin_s(due.end) {
             let news = self.modem.finish_before(end_s);
             self.note_modem_news(news);

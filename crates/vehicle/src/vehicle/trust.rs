@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use pingmap_agent::{Link, Position};
+use pingmap_agent::{CONSERVATIVE_LOSS, Link, Position};
 use pingmap_trial::DistanceOnly;
 use serde::{Deserialize, Serialize};
 
@@ -19,9 +19,6 @@ const RANGE_EVENTS_MAX: usize = 2000;
 
 /// Smallest probability of a scored outcome. It bounds the effect of one event on the weight.
 const PROBABILITY_MIN: f64 = 1e-6;
-
-/// Decrease of the log-odds between range zero and the conservative range.
-const CONSERVATIVE_LOSS: f64 = 4.0;
 
 /// Predictions of one event before it was learned, and its range.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use pingmap_agent::{Event, Position, VehicleId};
-use pingmap_trial::{EventLog, TrafficPlan, transmissions};
+use pingmap_trial::{EventLog, Score, TrafficPlan, transmissions};
 use pingmap_vehicle::{
     At, Departed, FrameIn, FrameLink, FrameRequest, Heard, Input, LearnedEvent, Listening, Message, Nav, Peer,
     PeerSource, PiggybackIn, PiggybackRequest, Place, StatusReport, Trust,
@@ -16,9 +16,6 @@ use super::setup::Setup;
 
 /// Parts of the mission in the report.
 const PARTS: usize = 4;
-
-/// Smallest probability of a scored outcome.
-const PROBABILITY_MIN: f64 = 1e-12;
 
 /// The state of one vehicle at a time of the mission.
 #[derive(Debug, Clone)]
@@ -278,7 +275,5 @@ fn place(at: &Position) -> Place {
 
 /// The NLL of an event that was predicted before it was learned.
 fn loss(event: &LearnedEvent) -> Option<f64> {
-    let probability = event.probability?;
-    let p = if event.heard { probability } else { 1.0 - probability };
-    Some(-p.max(PROBABILITY_MIN).ln())
+    Some(Score::new(&[event.probability?], &[event.heard])?.nll)
 }

@@ -20,54 +20,53 @@ pub enum Finding {
     Refused { vehicle: usize, slot: u32, problem: String },
 }
 
-/// How many slots counted, and how many of these the water let through; and the same for slots that did not count.
+/// Slots of which the water let some through.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Slots {
+    pub count: f64,
+    pub heard: f64,
+    /// Sum of the probabilities that the water lets these slots through, and the variance of the number heard.
+    pub expected: f64,
+    pub variance: f64,
+}
+
+impl Slots {
+    fn add(&mut self, other: &Self) {
+        self.count += other.count;
+        self.heard += other.heard;
+        self.expected += other.expected;
+        self.variance += other.variance;
+    }
+
+    fn is_as_expected(&self) -> bool {
+        (self.heard - self.expected).abs() <= 4.0 * self.variance.sqrt()
+    }
+}
+
+/// The slots that counted, and those that did not.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Selection {
-    pub counted: f64,
-    pub counted_heard: f64,
-    pub excluded: f64,
-    pub excluded_heard: f64,
-    /// Sums of the probabilities that the water lets these slots through.
-    pub counted_expected: f64,
-    pub excluded_expected: f64,
-    pub counted_variance: f64,
-    pub excluded_variance: f64,
+    pub counted: Slots,
+    pub excluded: Slots,
 }
 
 impl Selection {
     /// Adds a slot: whether it counted, whether the water let it through, and the probability of that.
     pub fn add(&mut self, counts: bool, heard: bool, probability: f64) {
         let heard = f64::from(u8::from(heard));
-        let variance = probability * (1.0 - probability);
-        let fields = if counts {
-            (&mut self.counted, &mut self.counted_heard, &mut self.counted_expected, &mut self.counted_variance)
-        } else {
-            (&mut self.excluded, &mut self.excluded_heard, &mut self.excluded_expected, &mut self.excluded_variance)
-        };
-        *fields.0 += 1.0;
-        *fields.1 += heard;
-        *fields.2 += probability;
-        *fields.3 += variance;
+        let slot = Slots { count: 1.0, heard, expected: probability, variance: probability * (1.0 - probability) };
+        if counts { &mut self.counted } else { &mut self.excluded }.add(&slot);
     }
 
-    pub fn plus(&self, other: &Self) -> Self {
-        Self {
-            counted: self.counted + other.counted,
-            counted_heard: self.counted_heard + other.counted_heard,
-            excluded: self.excluded + other.excluded,
-            excluded_heard: self.excluded_heard + other.excluded_heard,
-            counted_expected: self.counted_expected + other.counted_expected,
-            excluded_expected: self.excluded_expected + other.excluded_expected,
-            counted_variance: self.counted_variance + other.counted_variance,
-            excluded_variance: self.excluded_variance + other.excluded_variance,
-        }
+    pub fn plus(mut self, other: &Self) -> Self {
+        self.counted.add(&other.counted);
+        self.excluded.add(&other.excluded);
+        self
     }
 
     /// Returns whether both kinds of slots were heard as often as the water let them through, within four standard
     /// deviations. Whether a slot counts then does not depend on its outcome.
     pub fn is_independent(&self) -> bool {
-        let is_near = |heard: f64, expected: f64, variance: f64| (heard - expected).abs() <= 4.0 * variance.sqrt();
-        is_near(self.counted_heard, self.counted_expected, self.counted_variance)
-            && is_near(self.excluded_heard, self.excluded_expected, self.excluded_variance)
+        self.counted.is_as_expected() && self.excluded.is_as_expected()
     }
 }

@@ -82,19 +82,20 @@ impl Member {
         let mut answers = Vec::new();
         let outputs = self.vehicle.handle(input);
         for output in outputs {
-            let mut next = self.acknowledged.clone();
-            let stored = match output {
+            let (next, stored) = match output {
                 Output::Send(message) => {
                     answers.push(message);
                     continue;
                 }
                 Output::Store(records) => {
+                    let mut next = self.acknowledged.clone();
                     next.entries.extend(records.iter().cloned());
-                    self.append(&records)
+                    (next, self.append(&records))
                 }
                 Output::Base(base) => {
-                    next = Contents { base: Some(base.clone()), entries: Vec::new() };
-                    self.store.as_mut().map(|store| store.replace_base(&base).map_err(|error| error.to_string()))
+                    let next = Contents { base: Some(base.clone()), entries: Vec::new() };
+                    let replaced = self.store.as_mut().map(|store| store.replace_base(&base));
+                    (next, replaced.map(|replaced| replaced.map_err(|error| error.to_string())))
                 }
             };
             match stored {
