@@ -3,18 +3,12 @@
 
 #![no_main]
 
-use std::sync::{Arc, LazyLock};
+mod team;
 
 use libfuzzer_sys::fuzz_target;
-use pingmap_agent::{Agent, AgentOptions, Chart, Entry, InputSpec, Limits, Model, Position, Team, VehicleId};
+use pingmap_agent::{Agent, AgentOptions, Entry, VehicleId};
 
-static TEAM: LazyLock<Arc<Team>> = LazyLock::new(|| {
-    let model = Model::isotropic(Chart::about([]), InputSpec::Positions, dgpc::Shape::Matern32, true, 300.0, 4.0);
-    let reach = [-500.0, 500.0].map(|east_m| Position::new(east_m, 0.0));
-    let names = ["a", "b"].map(VehicleId::new);
-    let team = Team::new(names, model.expect("numbers in range"), reach).expect("two members");
-    Arc::new(Team { limits: Limits { events_max: 20, ..team.limits }, ..team })
-});
+use crate::team::TEAM;
 
 fuzz_target!(|bytes: &[u8]| {
     let mut agent = Agent::new(VehicleId::new("a"), TEAM.clone(), AgentOptions::default());

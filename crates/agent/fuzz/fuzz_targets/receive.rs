@@ -50,7 +50,9 @@ fn receive(mut agent: Agent, bytes: &[u8]) {
             [PIGGYBACK, sender, n_bits, a, b, c, d, e, f, g, h, ref time @ ..] if time.len() >= 8 => {
                 let sender = VehicleId::new(format!("vehicle {}", sender % 5));
                 let time_s = f64::from_le_bytes(std::array::from_fn(|place| time[place]));
-                agent.receive_piggyback(&sender, time_s, u64::from_le_bytes([a, b, c, d, e, f, g, h]), n_bits.into()).receipt
+                agent
+                    .receive_piggyback(&sender, time_s, u64::from_le_bytes([a, b, c, d, e, f, g, h]), n_bits.into())
+                    .receipt
             }
             _ => receive_frame(&mut agent, frame),
         };

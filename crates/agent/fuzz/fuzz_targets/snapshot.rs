@@ -3,18 +3,14 @@
 
 #![no_main]
 
-use std::sync::{Arc, LazyLock};
+mod team;
+
+use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
-use pingmap_agent::{Agent, AgentOptions, Chart, InputSpec, Limits, Model, Position, Team, VehicleId};
+use pingmap_agent::{Agent, AgentOptions, VehicleId};
 
-static TEAM: LazyLock<Arc<Team>> = LazyLock::new(|| {
-    let model = Model::isotropic(Chart::about([]), InputSpec::Positions, dgpc::Shape::Matern32, true, 300.0, 4.0);
-    let reach = [-500.0, 500.0].map(|east_m| Position::new(east_m, 0.0));
-    let names = ["a", "b"].map(VehicleId::new);
-    let team = Team::new(names, model.expect("numbers in range"), reach).expect("two members");
-    Arc::new(Team { limits: Limits { events_max: 20, ..team.limits }, ..team })
-});
+use crate::team::TEAM;
 
 /// The beginning of a snapshot. In that of an empty vehicle three counts follow (senders, muted members and entries),
 /// and the check.

@@ -71,7 +71,7 @@ pub enum Entry {
         /// Bytes of the frame.
         bytes: Vec<u8>,
     },
-    /// A frame that the vehicle proposed to its host, and what the host reported about it. Of several entries with one
+    /// A frame that the vehicle proposed to its host, and what the host reported about it. If several entries have one
     /// number, the one with the latest [`FrameState`] counts.
     Sent {
         /// Number of frames proposed before it.

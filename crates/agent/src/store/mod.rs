@@ -14,3 +14,4 @@ pub(crate) mod slot_evidence;
 pub(crate) mod position_check;
 pub(crate) mod event_location;
 pub(crate) mod memory;
+pub(crate) mod memory_entries;

@@ -40,10 +40,6 @@ impl Transmissions {
         self.iter().filter(|sent| sent.state != FrameState::Dropped)
     }
 
-    pub(crate) fn contains(&self, number: u64) -> bool {
-        self.0.contains_key(&number)
-    }
-
     pub(crate) fn last_number(&self) -> Option<u64> {
         self.0.last_key_value().map(|(&number, _)| number)
     }

@@ -23,7 +23,7 @@ const LAST_FRAMES: usize = 6;
 /// Frames of a flood in each of its slots.
 const FLOOD: u32 = 60;
 
-/// Largest increase of the NLL of the honest members by what they receive, in nats per event.
+/// Largest increase of the NLL of the honest members by received data, in nats per event.
 const HARM_MAX: f64 = 0.005;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -38,7 +38,7 @@ impl ModemStream {
     /// Absorbs a sentence in either direction. The time is by the clock of the host, in seconds.
     ///
     /// # Errors
-    /// What was expected, for a text without a sentence, or with a wrong checksum.
+    /// The expected form, for a text without a sentence, or with a wrong checksum.
     pub fn absorb(&mut self, time_s: f64, text: &str) -> Result<ModemNews, &'static str> {
         let sentence = Sentence::parse(text).ok_or("a sentence that begins with $ and has a right checksum")?;
         self.modem.absorb(time_s, &sentence, Sink { recording: &mut self.recording, ids: &self.ids });
