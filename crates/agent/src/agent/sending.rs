@@ -96,6 +96,11 @@ impl Agent {
         }
     }
 
+    /// Returns the lowest counter that the vehicle's next packet may have. 0 for a vehicle that is no member.
+    pub fn next_counter(&self) -> u32 {
+        self.memory.own.map_or(0, |own| self.memory.packets.next_counter(own))
+    }
+
     fn change_frame(&mut self, number: u64, state: FrameState, slot: Option<u32>) -> Result<Entry, AgentError> {
         match self.memory.frame_sent_as(number) {
             Some(Entry::Sent { bytes, .. }) => {

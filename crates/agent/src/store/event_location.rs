@@ -275,7 +275,7 @@ impl PositionSources<'_> {
             let position = match (source, self.wrong_tracks.contains(&member)) {
                 _ if Some(member) == self.own => self.track.at(time_s)?,
                 (OutcomeSource::Own, _) => {
-                    self.known_at(member, slot, time_s).or_else(|| self.reported_at(member, slot))?
+                    self.known_at(member, slot, time_s).or_else(|| self.reported_within(member, slot))?
                 }
                 (OutcomeSource::Piggyback, _) | (OutcomeSource::Report, true) => {
                     self.observed_at(member, time_s).or_else(|| self.reported_at(member, slot))?
@@ -297,6 +297,13 @@ impl PositionSources<'_> {
     fn reported_at(&self, member: u8, slot: u32) -> Option<Position> {
         let is_used = !self.muted.contains(&member) && !self.wrong_tracks.contains(&member);
         is_used.then(|| reported_position(self.codec, self.reports, member, slot)).flatten()
+    }
+
+    /// Returns the reported position if the track continues after the slot. A position beyond the track would be known
+    /// more often in slots that the vehicle heard, because their messages extend the track.
+    fn reported_within(&self, member: u8, slot: u32) -> Option<Position> {
+        let continues = self.reports.reports_of(member)?.track.continues_after(slot);
+        continues.then(|| self.reported_at(member, slot)).flatten()
     }
 
     /// Returns the position that the host knows, by a rule that does not depend on whether the vehicle heard the slot.

@@ -162,12 +162,7 @@ impl Memory {
         let denied: Vec<(u8, u32)> =
             keys.filter(|&(transmitter, slot)| self.reports.is_unused(transmitter, slot)).collect();
         spans.extend(denied.iter().filter_map(|&(_, slot)| self.codec.team.slots.span_s(slot)));
-        let mut has_changed = false;
-        if change.forgotten > 0 {
-            for sender in self.reports.senders().collect::<Vec<u8>>() {
-                has_changed |= self.forget_claims(sender);
-            }
-        }
+        let mut has_changed = change.forgotten > 0 && self.forget_all_claims();
         for (transmitter, slot) in denied {
             has_changed |= self.check_claims(transmitter, &[slot]);
         }
@@ -209,6 +204,12 @@ impl Memory {
             }
         }
         was_reliable != self.claims.is_reliable(member)
+    }
+
+    /// Forgets contradictions as [`Self::forget_claims`] does, for all members.
+    fn forget_all_claims(&mut self) -> bool {
+        let senders: Vec<u8> = self.reports.senders().collect();
+        senders.into_iter().fold(false, |has_changed, sender| self.forget_claims(sender) | has_changed)
     }
 
     /// Forgets contradictions by claims or receptions that are no longer stored. Returns whether the claims of the
@@ -331,7 +332,10 @@ impl Memory {
             Some(OutcomeEffect::Added) => {
                 self.conformance.insert(&team.slots, transmitter, (time_s, WITHOUT_EVENT), success)
             }
-            Some(OutcomeEffect::ForgotOldest) => self.compare_all_with_schedule().or(Some(ALL_TIMES)),
+            Some(OutcomeEffect::ForgotOldest) => {
+                self.forget_all_claims();
+                self.compare_all_with_schedule().or(Some(ALL_TIMES))
+            }
         };
         let slot = team.slots.sent_in(time_s, transmitter);
         let is_denied = |slot: &u32| self.reports.is_unused(member, *slot);

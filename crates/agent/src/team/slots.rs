@@ -143,9 +143,13 @@ impl Slots {
             let simultaneous = std::iter::once(number).chain((0..number).rev().take_while(is_now));
             return simultaneous.into_iter().find(|&slot| explicit[slot as usize].sender == *id);
         }
-        // A transmission may continue over several slots.
-        let begin = (0..=number).rev().take(self.cycle_slots()).find(|&number| self.sender(number).is_some());
-        begin.filter(|&begin| self.sender(begin) == Some(id))
+        self.transmission_slot(number).filter(|&begin| self.sender(begin) == Some(id))
+    }
+
+    /// Returns the slot in which the transmission of a slot began: the slot itself, or the one that it continues.
+    /// `None` if no slot of the cycle before it has a sender.
+    pub fn transmission_slot(&self, number: u32) -> Option<u32> {
+        (0..=number).rev().take(self.cycle_slots()).find(|&begin| self.sender(begin).is_some())
     }
 
     /// Returns the slot of a transmission of this vehicle at this time or, outside its slots, its next slot. `None`

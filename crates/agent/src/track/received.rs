@@ -100,6 +100,11 @@ impl ReceivedTrack {
         before.zip(after).is_some_and(|((&before, _), (&after, _))| before == after || self.is_segment(before, after))
     }
 
+    /// Returns whether a segment leads from a slot to the next one.
+    pub(crate) fn continues_after(&self, slot: u32) -> bool {
+        self.is_segment(slot, slot.saturating_add(1))
+    }
+
     /// Returns the range of slots in which positions can change when the waypoints of one report are added or removed.
     /// The result is equal before and after the change.
     ///

@@ -133,6 +133,9 @@ pub const SEA_STATE: Bounds = Bounds::new(0.0, 6.0, "a number from 0 to 6");
 /// Intervals and delays of a vehicle, in seconds.
 pub const INTERVAL_S: Bounds = Bounds::new(0.0, 1e6, "a number of seconds from 0 to 1e6");
 
+/// Times after the end of a slot at which a vehicle counts it, in seconds.
+pub const SETTLE_S: Bounds = Bounds::new(0.0, 600.0, "a number of seconds from 0 to 600");
+
 /// Standard deviations of positions, in metres.
 pub const SIGMA_M: Bounds = Bounds::new(1e-3, 1e6, "a number of metres from 0.001 to 1e6");
 

@@ -189,3 +189,42 @@ fn an_outcome_that_is_recorded_twice_counts_once() {
     agent.record_outcome(&name(1), 10.0, false).unwrap();
     assert_eq!(agent.status().located_events, 0);
 }
+
+#[test]
+fn a_reported_track_locates_no_own_outcome_after_its_end() {
+    let trip = Trip::stationary(&[(10, 10), (30, 10)], 24, |_, receiver| (receiver == 0).then_some(true));
+    let mut peer = vehicle_with(&trip.team, 1, reports_alone(), []);
+    peer.record_positions(trip.positions(1).take_while(|(time_s, _)| *time_s <= slot_s(12))).unwrap();
+    peer.record_outcome(&name(0), slot_s(12), true).unwrap();
+    let mut agent = trip.vehicle_with_events(0, []);
+    record_outcomes(&mut agent, &trip);
+    receive_all(&mut agent, &frames(&mut peer, 10));
+    // The slots of vehicle 1 from slot 13 on.
+    assert_eq!(agent.status().unlocated_events, 6);
+}
+
+#[test]
+fn false_claims_about_forgotten_outcomes_do_not_count_in_any_order() {
+    let trip =
+        Trip::stationary(&[(10, 10), (30, 10)], 120, |_, _| Some(true)).with_team(|team| team.limits.events_max = 60);
+    let mut liar = trip.vehicle(1);
+    liar.record_unused_slots((1..40).step_by(2).map(slot_s)).unwrap();
+    let claims = frames(&mut liar, 20);
+    let vehicle = |claims_at: u32| {
+        let mut agent = trip.vehicle_with_events(0, []);
+        for (slot, event) in (0..trip.slots).map(|slot| (slot, trip.event(slot, 0))) {
+            if slot == claims_at {
+                receive_all(&mut agent, &claims);
+                let is_ignored = member(&agent, &name(1)).is_ignored(IgnoreReason::FalseClaims);
+                assert_eq!(is_ignored, claims_at == 60);
+            }
+            if let Some(event) = event {
+                agent.record_outcome(&event.transmitter_id, event.time_s, event.success).unwrap();
+            }
+        }
+        agent
+    };
+    for agent in [vehicle(60), vehicle(119)] {
+        assert!(!member(&agent, &name(1)).is_ignored(IgnoreReason::FalseClaims));
+    }
+}
