@@ -34,7 +34,7 @@ class Bridge:
             if name in NAVIGATION:
                 self.navigate(NAVIGATION[name], time_s, mail.double())
             elif name == "NODE_REPORT":
-                self.locate_peer(mail.string())
+                self.locate_peer(time_s, mail.string())
             elif name == "PINGMAP_IN":
                 self.pingmap.send(json.loads(mail.string()))
             else:
@@ -51,14 +51,14 @@ class Bridge:
             self.place_s = time_s
         self.place = {**self.place, key: value}
 
-    def locate_peer(self, report):
-        """Reports the position of a peer. Its source is a message: the report came from the peer itself."""
+    def locate_peer(self, time_s, report):
+        """Reports the position of a peer, at the time at which its own message arrived."""
         fields = {name: value for name, _, value in (field.partition("=") for field in report.split(","))}
-        if {"NAME", "X", "Y", "TIME"} <= fields.keys() and fields["NAME"] != self.name:
+        if {"NAME", "X", "Y"} <= fields.keys() and fields["NAME"] != self.name:
             position = {"x": float(fields["X"]), "y": float(fields["Y"])}
             if "DEP" in fields:
                 position["depth"] = float(fields["DEP"])
-            peer = {"member": fields["NAME"], "time": float(fields["TIME"]), "source": "message"}
+            peer = {"member": fields["NAME"], "time": time_s, "source": "message"}
             self.pingmap.send({"type": "peer", "position": position, **peer})
 
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use pingmap_agent::bounds::{INTERVAL_S, LENGTH_M, QUEUE, SIGMA_M};
+use pingmap_agent::bounds::{INTERVAL_S, LENGTH_M, QUEUE, SETTLE_S, SIGMA_M};
 use pingmap_agent::{AgentOptions, Bounds, Sharing, VehicleId};
 use pingmap_import::ModemIds;
 use serde::{Deserialize, Serialize};
@@ -83,7 +83,8 @@ pub struct ClockSettings {
     pub sigma_s: f64,
     /// Slots do not count while the standard deviation exceeds this number of seconds. A quarter of a slot if absent.
     pub sigma_max_s: Option<f64>,
-    /// Slots do not count across a gap of this number of seconds without any input: the host or its clock had stopped.
+    /// Slots do not count across a gap of this number of seconds without a message that moves the clock: the host or
+    /// its clock had stopped.
     pub gap_s: f64,
 }
 
@@ -266,7 +267,7 @@ impl VehicleConfig {
             ("clock.sigma_s", INTERVAL_S, Some(config.clock.sigma_s)),
             ("clock.sigma_max_s", INTERVAL_S, config.clock.sigma_max_s),
             ("clock.gap_s", INTERVAL_S, Some(config.clock.gap_s)),
-            ("slots.settle_s", INTERVAL_S, Some(config.slots.settle_s)),
+            ("slots.settle_s", SETTLE_S, Some(config.slots.settle_s)),
             ("navigation.interval_s", INTERVAL_S, Some(config.navigation.interval_s)),
             ("navigation.sigma_max_m", SIGMA_M, Some(config.navigation.sigma_max_m)),
             ("host.queue", QUEUE, Some(config.host.queue as f64)),

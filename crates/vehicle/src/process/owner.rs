@@ -158,6 +158,7 @@ impl Owner<'_> {
                 // The store has everything. The next snapshot may succeed.
                 if let Err(error) = write_snapshot(&self.snapshot_path, base) {
                     tracing::error!(%error, "the snapshot could not be written");
+                    self.vehicle.snapshot_failed();
                 }
                 Ok(())
             }

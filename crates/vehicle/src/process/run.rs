@@ -19,7 +19,7 @@ pub fn run(setup: &Setup, is_stopped: &dyn Fn() -> bool) -> Result<(), ProcessEr
     let OpenedStore { store, path, snapshot_path, content } = setup.open_store(&reference)?;
     // Hosts can connect from now on. Their messages wait.
     let listener = Listener::open(&setup.config.listen()?, &setup.folder)?;
-    let vehicle = setup.begin(&reference, content, &path)?;
+    let vehicle = setup.begin(&reference, content, &path, &snapshot_path)?;
     let version = env!("CARGO_PKG_VERSION");
     let (events, listen) = (vehicle.agent().events().len(), &setup.config.host.listen);
     tracing::info!(vehicle = %vehicle.id(), version, events, listen, store = %path.display(), "ready");

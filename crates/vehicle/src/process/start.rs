@@ -5,13 +5,16 @@ use std::sync::Arc;
 
 use pingmap_agent::{Team, VehicleId};
 use pingmap_import::Reference;
+use pingmap_packet::to_hex;
 
 use crate::config::settings::VehicleConfig;
 use crate::process::error::ProcessError;
 use crate::store::adoption::adopt_store;
 use crate::store::error::StoreError;
+use crate::store::folder::keep_damaged;
 use crate::store::identity::Identity;
 use crate::store::recovery::{Opened, open_or_recover_with};
+use crate::store::snapshot::{read_snapshot, write_snapshot};
 use crate::store::tables::Contents;
 use crate::store::vehicle_store::Store;
 use crate::vehicle::restore::RestoreError;
@@ -56,18 +59,11 @@ impl Setup {
         let (path, snapshot_path) = self.config.store_paths(&self.folder);
         let identity = self.identity();
         if self.adopts_store {
-            match adopt_store(&path, &identity) {
-                Ok(former) if former == identity => {}
-                Ok(former) => tracing::warn!(
-                    store = %path.display(), former_team = %pingmap_packet::to_hex(&former.team_digest), "the store was adopted"
-                ),
-                Err(StoreError::Missing { .. }) => {}
-                Err(error) => return Err(error.into()),
-            }
+            self.adopt(&path, reference)?;
         }
         let mut recovered = None;
         let recover = |snapshot: Option<&[u8]>, problem: &str| {
-            let (vehicle, base) = self.recovered(reference, snapshot, problem);
+            let (vehicle, base) = self.recovered(reference, snapshot, &snapshot_path, problem);
             recovered = Some(vehicle);
             Some(base)
         };
@@ -84,12 +80,45 @@ impl Setup {
         Ok(OpenedStore { store, path, snapshot_path, content })
     }
 
+    /// Gives the store to this team. A store that is damaged or missing is recovered later.
+    fn adopt(&self, path: &Path, reference: &Reference) -> Result<(), ProcessError> {
+        let identity = self.identity();
+        let convert = |contents: &Contents| {
+            let adopted = Vehicle::adopt(self.config.clone(), self.team.clone(), reference.clone(), contents);
+            let wrong = |source| ProcessError::Restore { path: path.into(), source };
+            adopted.map(|vehicle| vehicle.base()).map_err(wrong)
+        };
+        match adopt_store(path, &identity, convert) {
+            Ok(former) if former == identity => Ok(()),
+            Ok(former) => {
+                let former_team = to_hex(&former.team_digest);
+                tracing::warn!(store = %path.display(), former_team, "the store was adopted");
+                Ok(())
+            }
+            Err(ProcessError::Store(StoreError::Missing { .. } | StoreError::Damaged { .. })) => Ok(()),
+            Err(error) => Err(error),
+        }
+    }
+
     /// Returns the vehicle of a snapshot after its store was damaged, and the base of a fresh store.
-    fn recovered(&self, reference: &Reference, snapshot: Option<&[u8]>, problem: &str) -> (Vehicle, Vec<u8>) {
+    fn recovered(
+        &self,
+        reference: &Reference,
+        snapshot: Option<&[u8]>,
+        snapshot_path: &Path,
+        problem: &str,
+    ) -> (Vehicle, Vec<u8>) {
         let begin = |base: Option<Vec<u8>>| self.restore(reference, &Contents { base, entries: Vec::new() });
         let (mut vehicle, has_snapshot, problem) = match snapshot.map(|snapshot| begin(Some(snapshot.to_vec()))) {
             Some(Ok(vehicle)) => (vehicle, true, problem.to_owned()),
-            Some(Err(error)) => (self.empty(reference), false, format!("{problem}; its snapshot is damaged: {error}")),
+            Some(Err(error)) => {
+                let problem = format!("{problem}; its snapshot cannot be used: {error}");
+                match keep_damaged(snapshot_path) {
+                    Ok(kept_as) => tracing::warn!(kept_as = %kept_as.display(), "the snapshot was kept"),
+                    Err(error) => tracing::error!(%error, "the snapshot could not be kept"),
+                }
+                (self.empty(reference), false, problem)
+            }
             None => (self.empty(reference), false, problem.to_owned()),
         };
         let base = vehicle.note_recovery(has_snapshot, &problem);
@@ -105,13 +134,30 @@ impl Setup {
     }
 
     /// Returns the vehicle with the content of its store.
-    pub(crate) fn begin(&self, reference: &Reference, content: Content, path: &Path) -> Result<Vehicle, ProcessError> {
-        match content {
-            Content::Recovered(vehicle) => Ok(*vehicle),
-            Content::Stored(contents) => {
-                self.restore(reference, &contents).map_err(|source| ProcessError::Restore { path: path.into(), source })
-            }
+    ///
+    /// The snapshot becomes equal to the base of the store, if its last write failed: the counters in it are used after
+    /// damage.
+    pub(crate) fn begin(
+        &self,
+        reference: &Reference,
+        content: Content,
+        path: &Path,
+        snapshot_path: &Path,
+    ) -> Result<Vehicle, ProcessError> {
+        let contents = match content {
+            Content::Recovered(vehicle) => return Ok(*vehicle),
+            Content::Stored(contents) => contents,
+        };
+        let restored = self.restore(reference, &contents);
+        let mut vehicle = restored.map_err(|source| ProcessError::Restore { path: path.into(), source })?;
+        if let Some(base) = &contents.base
+            && !read_snapshot(snapshot_path).is_ok_and(|snapshot| snapshot == *base)
+            && let Err(error) = write_snapshot(snapshot_path, base)
+        {
+            tracing::error!(%error, "the snapshot could not be written");
+            vehicle.snapshot_failed();
         }
+        Ok(vehicle)
     }
 }
 

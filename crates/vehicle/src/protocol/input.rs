@@ -85,7 +85,7 @@ pub struct Nav {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Peer {
-    /// Time of the position.
+    /// Time of the position. For a position in a message, the time of its reception.
     pub time: f64,
     /// The member.
     #[schemars(with = "String")]

@@ -7,7 +7,7 @@ use crate::store::error::StoreError;
 use crate::store::folder::keep_damaged;
 use crate::store::identity::Identity;
 use crate::store::locked_file::LockedFile;
-use crate::store::snapshot::read_snapshot;
+use crate::store::snapshot::{read_snapshot, write_snapshot};
 use crate::store::tables::Contents;
 use crate::store::vehicle_store::Store;
 use crate::store::verification::Verified;
@@ -45,8 +45,8 @@ pub fn open_or_recover(path: &Path, snapshot_path: &Path, identity: &Identity) -
 }
 
 /// Opens the store as [`open_or_recover`] does, with another base for a fresh store. `recover` gets the snapshot and a
-/// description of the damage, and returns the base. The base is in the fresh store before the store has its name: what
-/// the recovery changes survives a crash.
+/// description of the damage, and returns the base. The base replaces the snapshot, and is in the fresh store before
+/// the store has its name: what the recovery changes survives a crash, and a second damage.
 pub(crate) fn open_or_recover_with(
     path: &Path,
     snapshot_path: &Path,
@@ -67,9 +67,18 @@ pub(crate) fn open_or_recover_with(
             return Ok((replace(path, identity, None, None)?.0, Opened::New));
         }
         Err(StoreError::Missing { .. } | StoreError::NoFolder { .. }) => (None, problem),
-        Err(error) => (None, format!("{problem}; its snapshot cannot be read: {error}")),
+        Err(error) => {
+            if matches!(error, StoreError::Damaged { .. }) {
+                keep_damaged(snapshot_path)?;
+            }
+            (None, format!("{problem}; its snapshot cannot be read: {error}"))
+        }
     };
     let base = recover(snapshot.as_deref(), &problem);
+    // A second recovery must not begin with the counters of the former snapshot.
+    if let Some(base) = &base {
+        write_snapshot(snapshot_path, base)?;
+    }
     let (store, kept_as) = replace(path, identity, base.as_deref(), damaged)?;
     Ok((store, Opened::Recovered { kept_as, snapshot, problem }))
 }

@@ -6,16 +6,16 @@ use crate::protocol::fault::{Fault, FaultCode};
 use crate::protocol::place::Place;
 use crate::vehicle::state::Vehicle;
 
-/// Longest lead of a time over the latest input, in seconds.
+/// Longest lead of a time over the clock, in seconds.
 const LEAD_S_MAX: f64 = 86_400.0;
 
 impl Vehicle {
     /// Checks the time of an input. Times may be late: a host may report a position or a reception after others.
     pub(crate) fn check_time(&self, field: &str, time_s: f64) -> Result<(), Fault> {
         self.check_any_time(field, time_s)?;
-        match self.ledger.latest_s() {
-            Some(latest_s) if !self.is_starting && time_s - latest_s > LEAD_S_MAX => {
-                let expected = format!("at most a day after {latest_s}, the latest time so far");
+        match self.ledger.clock_s() {
+            Some(clock_s) if !self.is_starting && time_s - clock_s > LEAD_S_MAX => {
+                let expected = format!("at most a day after {clock_s}, the latest time so far");
                 Err(Fault::of_field(FaultCode::WrongTime, field, time_s, expected))
             }
             _ => Ok(()),

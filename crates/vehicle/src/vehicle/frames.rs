@@ -17,7 +17,6 @@ const OPEN_FRAMES_MAX: usize = 256;
 
 impl Vehicle {
     pub(crate) fn receive(&mut self, bytes: &[u8], time_s: f64) {
-        self.note_data(time_s);
         let received = self.agent.receive(bytes, Some(time_s));
         self.records.extend(received.entry.map(Record::Entry));
         self.acknowledge(&received.receipt);
@@ -26,7 +25,6 @@ impl Vehicle {
     pub(crate) fn receive_piggyback(&mut self, input: &PiggybackIn) -> Result<(), Fault> {
         let bits = u64::from_str_radix(&input.bits, 16)
             .map_err(|_| Fault::of_field(FaultCode::WrongField, "bits", &input.bits, "1 to 16 hexadecimal digits"))?;
-        self.note_data(input.time);
         let received = self.agent.receive_piggyback(&input.from, input.time, bits, input.n_bits);
         self.records.extend(received.entry.map(Record::Entry));
         self.acknowledge(&received.receipt);
@@ -47,6 +45,7 @@ impl Vehicle {
         if let Some(problem) = self.store_problem.as_ref().or(self.silence.as_ref()) {
             return Err(Fault::new(FaultCode::StoreFailed, format!("the vehicle sends nothing: {problem}")));
         }
+        self.check_counters()?;
         self.refit_if_due();
         let proposed = self.agent.next_frame(Some(request.time), request.bytes).map_err(|error| match error {
             AgentError::Team(error) => {
@@ -65,6 +64,30 @@ impl Vehicle {
         }
         self.send(Message::Frame { input, token: frame.number, bytes: Hex(frame.bytes) });
         Ok(())
+    }
+
+    /// Checks that a recovery from the last snapshot would skip all counters that were used since. Half of the window
+    /// asks for another snapshot.
+    fn check_counters(&mut self) -> Result<(), Fault> {
+        let used = self.agent.next_counter().saturating_sub(self.snapshot_counters[0]);
+        let window = u32::from(self.agent.team().packets_per_sender_max);
+        self.wants_base |= used >= window / 2;
+        if used < window {
+            return Ok(());
+        }
+        let problem = "the snapshot could not be written for so long that a recovery could use counters twice";
+        Err(Fault::new(FaultCode::StoreFailed, format!("the vehicle sends nothing: {problem}")))
+    }
+
+    /// Notes the counter in the snapshot that is about to be written.
+    pub(crate) fn begin_snapshot(&mut self) {
+        self.snapshot_counters = [self.agent.next_counter(), self.snapshot_counters[0]];
+    }
+
+    /// Notes that the last snapshot could not be written. The vehicle sends no frame when too many counters of packets
+    /// were used since the snapshot before it.
+    pub fn snapshot_failed(&mut self) {
+        self.snapshot_counters[0] = self.snapshot_counters[1];
     }
 
     /// Notes that a frame left at a time, or never.

@@ -6,6 +6,7 @@ use pingmap_packet::to_hex;
 use crate::protocol::fault::{Fault, FaultCode};
 use crate::protocol::input::{FrameIn, FrameLink, Heard, Hello, Input, Listening, Nav, Peer, PeerSource};
 use crate::protocol::output::{Greeting, Message, PROTOCOL};
+use crate::vehicle::clock::Stamp;
 use crate::vehicle::ledger::{LedgerRecord, shortened};
 use crate::vehicle::record::Record;
 use crate::vehicle::slots::{CLOCK, SURFACED, failed};
@@ -57,19 +58,21 @@ impl Vehicle {
     }
 
     fn finish(&mut self, is_stop: bool) -> Vec<Output> {
-        let latest_s = self.ledger.latest_s();
+        let clock_s = self.ledger.clock_s();
         let interval_s = self.config.store.snapshot_interval_s;
-        let is_due = latest_s.zip(self.base_s).is_some_and(|(latest_s, base_s)| latest_s - base_s >= interval_s);
-        self.base_s = self.base_s.or(latest_s);
+        let is_due = clock_s.zip(self.base_s).is_some_and(|(clock_s, base_s)| clock_s - base_s >= interval_s);
+        let is_due = is_due || std::mem::take(&mut self.wants_base);
+        self.base_s = self.base_s.or(clock_s);
         let mut outputs = Vec::new();
         let mut records = std::mem::take(&mut self.records);
         if self.store_problem.is_none() {
             if !records.is_empty() {
-                records.extend(latest_s.map(|time_s| Record::Ledger(LedgerRecord::Handled { time_s })));
+                records.extend(clock_s.map(|time_s| Record::Ledger(LedgerRecord::Handled { time_s })));
                 outputs.push(Output::Store(records.iter().map(Record::to_bytes).collect()));
             }
             if is_stop || is_due {
-                self.base_s = latest_s;
+                self.base_s = clock_s;
+                self.begin_snapshot();
                 outputs.push(Output::Base(self.base()));
             }
         }
@@ -87,9 +90,13 @@ impl Vehicle {
         if !self.has_greeted {
             return Err(Fault::new(FaultCode::NotGreeted, "the first message must be hello"));
         }
-        let time_s = self.check_times(&input)?;
-        if let Some(time_s) = time_s {
-            self.note_time(time_s);
+        match self.check_times(&input)? {
+            Stamp::Clock(time_s) => {
+                self.advance_clock(time_s);
+                self.note_slot_begin(time_s);
+            }
+            Stamp::Arrival(time_s) => self.note_slot_begin(time_s),
+            Stamp::Other => {}
         }
         let is_answered = self.apply_input(input)?;
         self.count_slots();
@@ -97,38 +104,6 @@ impl Vehicle {
             self.send(Message::Ok { input: self.inputs, stored: self.store_problem.is_none() });
         }
         Ok(())
-    }
-
-    /// Checks the times of a message. Returns its time, if it has one that the clock follows.
-    fn check_times(&self, input: &Input) -> Result<Option<f64>, Fault> {
-        let time_s = match input {
-            Input::Nav(nav) => nav.time,
-            Input::Peer(peer) => peer.time,
-            Input::Sent(at) | Input::NotSent(at) => at.time,
-            Input::Heard(heard) => heard.time,
-            Input::Nmea(nmea) => nmea.time,
-            Input::FrameIn(frame) => frame.time,
-            Input::PiggybackIn(piggyback) => piggyback.time,
-            Input::FrameRequest(request) => request.time,
-            Input::PiggybackRequest(request) => request.time,
-            Input::Departed(departed) => departed.time,
-            Input::Listening(Listening { from, to, .. }) => {
-                self.check_interval(*from, *to)?;
-                return Ok(Some(*to));
-            }
-            Input::Predict(predict) => {
-                // A query may be about any time.
-                return match predict.time {
-                    Some(time_s) => self.check_any_time("time", time_s).map(|()| None),
-                    None => Ok(None),
-                };
-            }
-            Input::Hello(_) | Input::Dropped(_) | Input::Status {} | Input::Stop {} => return Ok(None),
-        };
-        self.check_time("time", time_s)?;
-        // Requests are about the near future.
-        let is_request = matches!(input, Input::FrameRequest(_) | Input::PiggybackRequest(_));
-        Ok(Some(time_s).filter(|_| !is_request))
     }
 
     /// Applies a message after its checks. Returns whether it has sent an answer.
@@ -246,10 +221,24 @@ impl Vehicle {
         self.check_peer("member", &peer.member)?;
         let position: Position = self.position("position", &peer.position)?;
         let is_independent = peer.source == PeerSource::Other;
-        self.positions.add(&peer.member, peer.time, position, is_independent);
-        let entry = self.agent.record_peer_position(&peer.member, peer.time, position, is_independent);
+        let time_s = if is_independent { peer.time } else { self.arrival_s(peer) };
+        self.positions.add(&peer.member, time_s, position, is_independent);
+        let entry = self.agent.record_peer_position(&peer.member, time_s, position, is_independent);
         self.records.extend(entry.map_err(|error| failed(&error))?.map(Record::Entry));
         Ok(())
+    }
+
+    /// Returns the time of a position in a message: not before the slot in which the message arrived. The position
+    /// would otherwise be known at the begin of the slot only if the slot was heard.
+    fn arrival_s(&self, peer: &Peer) -> f64 {
+        let slots = &self.agent.team().slots;
+        if slots.sent_in(peer.time, &peer.member).is_some() {
+            return peer.time;
+        }
+        let latest = self.ledger.clock_s().and_then(|clock_s| slots.number(clock_s));
+        let mut uncounted = latest.into_iter().flat_map(|latest| (self.ledger.next()..=latest).rev());
+        let arrival = uncounted.find(|&slot| slots.sender(slot) == Some(&peer.member));
+        arrival.and_then(|slot| slots.begin_s(slot)).map_or(peer.time, |begin_s| begin_s.max(peer.time))
     }
 
     fn note_unused_slot(&mut self, time_s: f64) -> Result<(), Fault> {

@@ -8,6 +8,9 @@ use serde::{Deserialize, Serialize};
 /// Intervals in which the vehicle could not receive, at most. The oldest are forgotten.
 const INTERVALS_MAX: usize = 10_000;
 
+/// Counted slots of which receptions are known. A reception that is reported twice is not late.
+const HEARD_KEPT: u32 = 64;
+
 /// Different reasons that are counted. Further ones are counted as other reasons.
 const REASONS_MAX: usize = 32;
 
@@ -31,7 +34,7 @@ pub(crate) enum LedgerRecord {
     Listened { from_s: f64, to_s: f64 },
     /// All slots before `next` are counted. Some of them did not count, by reason.
     Settled { next: u32, excluded: BTreeMap<String, u64> },
-    /// An input of this time was handled.
+    /// The clock of the vehicle reached this time.
     Handled { time_s: f64 },
 }
 
@@ -49,8 +52,8 @@ pub(crate) enum SlotOutcome {
 pub(crate) struct Ledger {
     /// The first slot that is not counted.
     next: u32,
-    /// Latest time of an input.
-    latest_s: Option<f64>,
+    /// The clock: the latest time of a report that does not depend on receptions.
+    clock_s: Option<f64>,
     heard: BTreeSet<u32>,
     sent: BTreeSet<u32>,
     deaf: Vec<(f64, f64, String)>,
@@ -83,11 +86,11 @@ impl Ledger {
             LedgerRecord::Settled { next, excluded } => {
                 self.next = self.next.max(*next);
                 excluded.iter().for_each(|(reason, count)| self.add_excluded(reason, *count));
-                self.heard = self.heard.split_off(&self.next);
+                self.heard = self.heard.split_off(&self.next.saturating_sub(HEARD_KEPT));
                 self.sent = self.sent.split_off(&self.next);
             }
             LedgerRecord::Handled { time_s } => {
-                self.latest_s = Some(self.latest_s.map_or(*time_s, |latest_s| latest_s.max(*time_s)));
+                self.clock_s = Some(self.clock_s.map_or(*time_s, |clock_s| clock_s.max(*time_s)));
             }
         }
     }
@@ -116,20 +119,30 @@ impl Ledger {
         self.listened.retain(|(_, to_s)| *to_s >= begin_s);
     }
 
-    /// Returns the latest time of an input.
-    pub(crate) fn latest_s(&self) -> Option<f64> {
-        self.latest_s
+    /// Returns the time of the clock; `None` before the first report.
+    pub(crate) fn clock_s(&self) -> Option<f64> {
+        self.clock_s
     }
 
-    /// Returns the slots that ended `settle_s` before the latest input, and are not counted yet.
+    /// Returns the first slot that is not counted.
+    pub(crate) fn next(&self) -> u32 {
+        self.next
+    }
+
+    /// Returns the slots that ended `settle_s` before the time of the clock, and are not counted yet.
     pub(crate) fn due(&self, slots: &Slots, settle_s: f64) -> std::ops::Range<u32> {
-        let latest = self.latest_s.and_then(|latest_s| slots.number(latest_s - settle_s));
-        // The slot of that time has not ended.
+        let latest = self.clock_s.and_then(|clock_s| slots.number(clock_s - settle_s));
+        // The slot of that time has not ended. It may continue an earlier one.
         let end = match latest {
-            Some(latest) => latest,
-            None => self.latest_s.filter(|&s| s > slots.start_s + settle_s).map_or(0, |_| slots.end()),
+            Some(latest) => slots.transmission_slot(latest).unwrap_or(latest),
+            None => self.clock_s.filter(|&s| s > slots.start_s + settle_s).map_or(0, |_| slots.end()),
         };
         self.next..end.max(self.next)
+    }
+
+    /// Returns the ledger for another schedule: slots have other numbers there.
+    pub(crate) fn for_other_team(self) -> Self {
+        Self { excluded: self.excluded, ..Self::default() }
     }
 
     /// Returns whether a slot is counted already.
@@ -139,6 +152,16 @@ impl Ledger {
 
     pub(crate) fn has_sent(&self, slot: u32) -> bool {
         self.sent.contains(&slot)
+    }
+
+    pub(crate) fn has_heard(&self, slot: u32) -> bool {
+        self.heard.contains(&slot)
+    }
+
+    /// Returns whether the vehicle could not receive for one of these reasons, in a part of an interval.
+    pub(crate) fn is_deaf_for(&self, reasons: &[&str], (begin_s, end_s): (f64, f64)) -> bool {
+        let mut overlapping = self.deaf.iter().filter(|(from_s, to_s, _)| *from_s < end_s && *to_s > begin_s);
+        overlapping.any(|(.., reason)| reasons.contains(&reason.as_str()))
     }
 
     /// Returns why the vehicle could not receive during a whole interval; `None` if it could.

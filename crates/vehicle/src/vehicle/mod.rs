@@ -8,6 +8,7 @@ pub(crate) mod positions;
 pub(crate) mod state;
 pub(crate) mod restore;
 pub(crate) mod check;
+pub(crate) mod clock;
 pub(crate) mod slots;
 pub(crate) mod frames;
 pub(crate) mod answers;

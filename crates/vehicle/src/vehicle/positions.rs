@@ -4,22 +4,32 @@ use std::collections::{BTreeMap, VecDeque};
 
 use pingmap_agent::{Position, VehicleId};
 
-/// Positions that are kept for each vehicle.
-const FIXES_MAX: usize = 600;
+/// Age at which positions are forgotten, in seconds. A position that is older than the latest one by more comes from a
+/// clock that was set back.
+const AGE_S_MAX: f64 = 3600.0;
+
+/// Least time between two positions of one vehicle, in seconds.
+const STEP_S_MIN: f64 = 0.2;
 
 /// Positions in the order of time, the latest ones.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Fixes(VecDeque<(f64, Position)>);
 
 impl Fixes {
-    /// Adds a position. It replaces a position at the same time.
+    /// Adds a position. It replaces a position at the same time. Of positions at a high rate, some are left out.
     fn add(&mut self, time_s: f64, position: Position) {
+        if self.0.back().is_some_and(|latest| time_s < latest.0 - AGE_S_MAX) {
+            self.0.clear();
+        }
         let index = self.0.partition_point(|fix| fix.0 < time_s);
+        let near = |index: usize| self.0.get(index).is_some_and(|fix| (fix.0 - time_s).abs() < STEP_S_MIN);
+        let is_dense = near(index) || index.checked_sub(1).is_some_and(near);
         match self.0.get_mut(index).filter(|fix| fix.0 == time_s) {
             Some(fix) => fix.1 = position,
+            None if is_dense => {}
             None => self.0.insert(index, (time_s, position)),
         }
-        if self.0.len() > FIXES_MAX {
+        while self.0.front().zip(self.0.back()).is_some_and(|(oldest, latest)| oldest.0 < latest.0 - AGE_S_MAX) {
             self.0.pop_front();
         }
     }
@@ -101,5 +111,38 @@ impl Positions {
     /// Returns the latest position of a vehicle.
     pub(crate) fn latest(&self, id: &VehicleId) -> Option<Position> {
         self.known.get(id)?.0.back().map(|(_, position)| *position)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn added(times_s: impl IntoIterator<Item = f64>) -> Fixes {
+        let mut fixes = Fixes::default();
+        times_s.into_iter().for_each(|time_s| fixes.add(time_s, Position::new(time_s, 0.0)));
+        fixes
+    }
+
+    #[test]
+    fn positions_at_a_high_rate_stay_known_for_an_hour() {
+        let fixes = added((0..200_000).map(|n| f64::from(n) / 50.0));
+        let at = fixes.at(1000.05, 10.0).unwrap();
+        assert!((at.east_m - 1000.05).abs() < 1e-9);
+        assert_eq!(fixes.at(100.0, 10.0), None);
+        assert!(fixes.0.len() <= (AGE_S_MAX / STEP_S_MIN) as usize + 1, "{}", fixes.0.len());
+    }
+
+    #[test]
+    fn positions_are_known_after_a_clock_was_set_back() {
+        let fixes = added([90_000.0, 90_010.0, 100.0, 110.0]);
+        assert_eq!(fixes.at(105.0, 20.0).map(|at| at.east_m), Some(105.0));
+        assert_eq!(fixes.at(90_005.0, 20.0), None);
+    }
+
+    #[test]
+    fn late_positions_are_used() {
+        let fixes = added([0.0, 20.0, 10.0]);
+        assert_eq!(fixes.at(5.0, 10.0).map(|at| at.east_m), Some(5.0));
     }
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use pingmap_agent::{Agent, AgentError, Entry, FrameState, Team};
 use pingmap_import::Reference;
+use pingmap_packet::to_hex;
 use serde::{Deserialize, Serialize};
 
 use crate::config::settings::VehicleConfig;
@@ -38,6 +39,8 @@ struct Rest {
     ledger: Ledger,
     scores: Scores,
     late_receptions: u64,
+    /// Digest of the team, by which slots and frames have their numbers.
+    team: String,
     silence: Option<String>,
     positions: Vec<StoredPosition>,
     open_frames: BTreeMap<u64, Option<u32>>,
@@ -51,6 +54,7 @@ impl Vehicle {
             ledger: self.ledger.clone(),
             scores: self.scores.clone(),
             late_receptions: self.late_receptions,
+            team: to_hex(&self.agent.team().digest()),
             silence: self.silence.clone(),
             positions: self.positions.stored(),
             open_frames: self.open_frames.clone(),
@@ -70,20 +74,59 @@ impl Vehicle {
         reference: Reference,
         contents: &Contents,
     ) -> Result<Self, RestoreError> {
-        let mut vehicle = match &contents.base {
-            None => Self::new(config, team, reference),
-            Some(base) => Self::from_base(config, team, reference, base).map_err(RestoreError::Base)?,
-        };
-        for (index, bytes) in contents.entries.iter().enumerate() {
-            let record = Record::from_bytes(bytes);
-            record
-                .and_then(|record| vehicle.apply(record))
-                .map_err(|problem| RestoreError::Record { index, problem })?;
-        }
+        let mut vehicle = Self::from_base(config, team, reference, contents.base.as_deref())?;
+        vehicle.apply_records(&contents.entries, |_| true)?;
         Ok(vehicle)
     }
 
-    fn from_base(config: VehicleConfig, team: Arc<Team>, reference: Reference, base: &[u8]) -> Result<Self, String> {
+    /// Creates a vehicle with the content of a store of another team configuration. Events, positions and outcomes have
+    /// times and stay. Slots and frames of the other configuration have no meaning here.
+    ///
+    /// # Errors
+    /// [`RestoreError`] for a base or a record that this version cannot read.
+    pub fn adopt(
+        config: VehicleConfig,
+        team: Arc<Team>,
+        reference: Reference,
+        contents: &Contents,
+    ) -> Result<Self, RestoreError> {
+        let mut vehicle = Self::from_base(config, team, reference, contents.base.as_deref())?;
+        let has_time = |entry: &Entry| {
+            use Entry::{Navigated, Observed, Outcome, PeerPosition};
+            matches!(entry, Observed { .. } | Navigated { .. } | Outcome { .. } | PeerPosition { .. })
+        };
+        vehicle.apply_records(&contents.entries, |record| match record {
+            Record::Entry(entry) => has_time(entry),
+            Record::Ledger(_) | Record::Score(_) => true,
+        })?;
+        vehicle.ledger = vehicle.ledger.for_other_team();
+        Ok(vehicle)
+    }
+
+    fn apply_records(&mut self, records: &[Vec<u8>], is_wanted: impl Fn(&Record) -> bool) -> Result<(), RestoreError> {
+        for (index, bytes) in records.iter().enumerate() {
+            let wrong = |problem| RestoreError::Record { index, problem };
+            let record = Record::from_bytes(bytes).map_err(wrong)?;
+            if is_wanted(&record) {
+                self.apply(record).map_err(wrong)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn from_base(
+        config: VehicleConfig,
+        team: Arc<Team>,
+        reference: Reference,
+        base: Option<&[u8]>,
+    ) -> Result<Self, RestoreError> {
+        match base {
+            None => Ok(Self::new(config, team, reference)),
+            Some(base) => Self::read_base(config, team, reference, base).map_err(RestoreError::Base),
+        }
+    }
+
+    fn read_base(config: VehicleConfig, team: Arc<Team>, reference: Reference, base: &[u8]) -> Result<Self, String> {
         let split = || {
             let (length, rest) = base.split_first_chunk::<8>()?;
             rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)
@@ -91,11 +134,16 @@ impl Vehicle {
         let (snapshot, rest) = split().ok_or_else(|| format!("{} bytes are too few", base.len()))?;
         let id = config.vehicle.clone();
         let agent = Agent::restore(id, team, config.agent_options(), snapshot).map_err(|error| error.to_string())?;
-        let Rest { ledger, scores, late_receptions, silence, positions, open_frames } =
-            serde_json::from_slice(rest).map_err(|error| error.to_string())?;
+        let rest: Rest = serde_json::from_slice(rest).map_err(|error| error.to_string())?;
+        let is_same_team = rest.team == to_hex(&agent.team().digest());
+        let Rest { ledger, scores, late_receptions, silence, positions, open_frames, .. } = rest;
         let mut vehicle = Self::with_agent(config, agent, reference);
         vehicle.positions.restore(positions);
-        Ok(Self { ledger, scores, late_receptions, silence, open_frames, ..vehicle })
+        vehicle.begin_snapshot();
+        Ok(match is_same_team {
+            true => Self { ledger, scores, late_receptions, silence, open_frames, ..vehicle },
+            false => Self { ledger: ledger.for_other_team(), scores, late_receptions, ..vehicle },
+        })
     }
 
     fn apply(&mut self, record: Record) -> Result<(), String> {
@@ -138,6 +186,7 @@ impl Vehicle {
             warning += "there is no snapshot, so that the vehicle begins without data and sends nothing";
         }
         self.warnings.push(warning);
+        self.begin_snapshot();
         self.base()
     }
 }

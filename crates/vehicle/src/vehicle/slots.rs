@@ -6,6 +6,7 @@ use pingmap_agent::{AgentError, Event, Link, VehicleId, Which};
 
 use crate::protocol::fault::{Fault, FaultCode};
 use crate::protocol::output::{LearnedEvent, Message};
+use crate::vehicle::clock::{NO_INPUT, NOT_RUNNING};
 use crate::vehicle::ledger::{LedgerRecord, SlotOutcome, span_s};
 use crate::vehicle::record::Record;
 use crate::vehicle::state::Vehicle;
@@ -13,47 +14,29 @@ use crate::vehicle::trust::Score;
 
 pub(crate) const SURFACED: &str = "surfaced";
 pub(crate) const CLOCK: &str = "clock uncertain";
-const NOT_RUNNING: &str = "the vehicle was not running";
-const NO_INPUT: &str = "no input from the host";
+
+/// Slots that are predicted from what the vehicle knew at their begin. Later ones are predicted from the last of these.
+const SLOT_BEGINS_MAX: usize = 8;
 
 impl Vehicle {
-    /// Notes the time of an input before it is handled. The vehicle does not know what it could receive in a gap
-    /// without inputs.
-    pub(crate) fn note_time(&mut self, time_s: f64) {
-        let latest_s = self.ledger.latest_s();
-        if self.is_starting {
-            self.is_starting = false;
-            match latest_s {
-                None => {
-                    let next = self.agent.team().slots.number(time_s).unwrap_or(0);
-                    self.change_ledger(LedgerRecord::Settled { next, excluded: BTreeMap::new() });
-                    let (from_s, reason) = (f64::MIN, NOT_RUNNING.into());
-                    self.change_ledger(LedgerRecord::Deaf { from_s, to_s: time_s, reason });
-                }
-                Some(latest_s) if time_s > latest_s => {
-                    let reason = NOT_RUNNING.into();
-                    self.change_ledger(LedgerRecord::Deaf { from_s: latest_s, to_s: time_s, reason });
-                }
-                Some(_) => {}
-            }
-        } else if let Some(latest_s) = latest_s.filter(|latest_s| time_s - latest_s > self.config.clock.gap_s) {
-            self.change_ledger(LedgerRecord::Deaf { from_s: latest_s, to_s: time_s, reason: NO_INPUT.into() });
-        }
-        self.ledger.apply(&LedgerRecord::Handled { time_s });
-    }
-
     /// Notes that a message of another member arrived at a time.
     pub(crate) fn note_reception(&mut self, from: &VehicleId, time_s: f64) -> Result<(), Fault> {
         match self.agent.team().slots.sent_in(time_s, from) {
+            Some(slot) if self.ledger.has_heard(slot) => {}
             Some(slot) if self.ledger.is_settled(slot) => self.late_receptions += 1,
             Some(slot) => self.change_ledger(LedgerRecord::Heard { slot }),
-            // It never counts, and may show a wrong clock.
-            None => match self.agent.record_outcome(from, time_s, true) {
-                Ok(entry) => self.records.extend(entry.map(Record::Entry)),
-                Err(AgentError::NoSlot { .. }) => {}
-                Err(error) => return Err(failed(&error)),
-            },
+            None => self.note_reception_in_other_slot(from, time_s)?,
         }
+        Ok(())
+    }
+
+    /// Notes a reception in a slot of another member. It never counts, and may show a wrong clock. Receptions of one
+    /// member in one slot are one outcome, which bounds their number.
+    fn note_reception_in_other_slot(&mut self, from: &VehicleId, time_s: f64) -> Result<(), Fault> {
+        let slots = &self.agent.team().slots;
+        let Some(begin_s) = slots.number(time_s).and_then(|slot| slots.begin_s(slot)) else { return Ok(()) };
+        let entry = self.agent.record_outcome(from, begin_s, true).map_err(|error| failed(&error))?;
+        self.records.extend(entry.map(Record::Entry));
         Ok(())
     }
 
@@ -88,14 +71,15 @@ impl Vehicle {
         }
         self.change_ledger(LedgerRecord::Settled { next: due.end, excluded });
         self.ledger.forget_intervals(&slots);
-        self.before_data = self.before_data.split_off(&due.end);
+        let kept = self.at_slot_begin.range(..=due.end).next_back().map_or(due.end, |(&slot, _)| slot);
+        self.at_slot_begin = self.at_slot_begin.split_off(&kept);
         self.refit_if_due();
     }
 
     /// Tells the team that an own slot was not used.
     fn count_own_slot(&mut self, slot: u32, span_s: (f64, f64)) {
         let is_open = self.open_frames.values().any(|&expected| expected == Some(slot));
-        let was_running = !matches!(self.ledger.deafness(span_s, true).as_deref(), Some(NOT_RUNNING | NO_INPUT));
+        let was_running = !self.ledger.is_deaf_for(&[NOT_RUNNING, NO_INPUT], span_s);
         if self.config.slots.reports_transmissions && was_running && !is_open && !self.ledger.has_sent(slot) {
             let entries = self.agent.record_unused_slots([span_s.0]).unwrap_or_default();
             self.records.extend(entries.into_iter().map(Record::Entry));
@@ -120,11 +104,20 @@ impl Vehicle {
             success: heard,
         });
         let event = event.filter(|event| self.is_usable(event));
-        let score = event.as_ref().map(|event| self.score(event, slot)).transpose()?;
-        match event.filter(|_| exact.is_some()) {
-            Some(event) => self.records.extend(self.agent.record([event])?.into_iter().map(Record::Entry)),
-            None => self.records.extend(self.agent.record_outcome(from, time_s, heard)?.map(Record::Entry)),
+        let score = event.as_ref().map(|event| self.score(event, slot)).transpose().unwrap_or_else(|error| {
+            let fault = failed(&error);
+            self.send(Message::Error { input: self.inputs, fault });
+            None
+        });
+        let entries = match event.filter(|_| exact.is_some()) {
+            Some(event) => self.agent.record([event])?,
+            None => self.agent.record_outcome(from, time_s, heard)?.into_iter().collect(),
+        };
+        // Own outcomes of earlier slots do not depend on that of a later one.
+        for (_, agent) in self.at_slot_begin.range_mut(slot + 1..) {
+            entries.iter().try_for_each(|entry| agent.apply(entry.clone()).map(drop))?;
         }
+        self.records.extend(entries.into_iter().map(Record::Entry));
         if let Some(score) = score {
             self.scores.add(score);
             self.records.push(Record::Score(score));
@@ -134,22 +127,26 @@ impl Vehicle {
         Ok(())
     }
 
-    /// Predicts the event of a slot from what the vehicle knew before any data arrived in that slot. Data that arrive
+    /// Predicts the event of a slot from own earlier events, and from what arrived before that slot. Data that arrive
     /// with the message itself would make the prediction depend on the outcome.
     fn score(&mut self, event: &Event, slot: u32) -> Result<Score, AgentError> {
-        let agent = self.before_data.range_mut(slot..).next().map_or(&mut self.agent, |(_, agent)| agent);
+        let known = self.at_slot_begin.range_mut(..=slot).next_back();
+        let agent = known.map_or(&mut self.agent, |(_, agent)| agent);
         let map = agent.predict([event.query()], Which::Fused)?[0].probability;
         let by_range = self.probability_by_range(&event.link);
         Ok(Score { map, by_range, range_m: event.link.range_m(), heard: event.success })
     }
 
-    /// Keeps what the vehicle knows for the prediction of the present slot, before data of other members arrive. O(n²)
-    /// for n events, once a slot.
-    pub(crate) fn note_data(&mut self, time_s: f64) {
-        let present = self.agent.team().slots.number(time_s.max(self.ledger.latest_s().unwrap_or(time_s)));
-        if let Some(present) = present.filter(|&slot| !self.ledger.is_settled(slot)) {
-            let agent = &self.agent;
-            self.before_data.entry(present).or_insert_with(|| agent.clone());
+    /// Keeps what the vehicle knows for the prediction of the present slot, at the first input in it. O(n²) for n
+    /// events, once a slot.
+    pub(crate) fn note_slot_begin(&mut self, time_s: f64) {
+        let now_s = self.ledger.clock_s().map_or(time_s, |clock_s| clock_s.max(time_s));
+        let slots = &self.agent.team().slots;
+        let present = slots.number(now_s).and_then(|slot| slots.transmission_slot(slot));
+        let is_predicted = |slot: &u32| slots.sender(*slot) != Some(self.id()) && !self.ledger.is_settled(*slot);
+        let Some(present) = present.filter(is_predicted) else { return };
+        if self.at_slot_begin.len() < SLOT_BEGINS_MAX && !self.at_slot_begin.contains_key(&present) {
+            self.at_slot_begin.insert(present, self.agent.clone());
         }
     }
 

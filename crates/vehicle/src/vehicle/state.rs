@@ -19,7 +19,8 @@ pub enum Output {
     /// Append these records to the store. They must survive a crash before the next step. After a failure call
     /// [`Vehicle::store_failed`] instead of the remaining steps.
     Store(Vec<Vec<u8>>),
-    /// Replace the base of the store, and write it as a snapshot next to the store.
+    /// Replace the base of the store, and write it as a snapshot next to the store. Call [`Vehicle::snapshot_failed`]
+    /// if only the snapshot could not be written.
     Base(Vec<u8>),
     /// Send a message to the host.
     Send(Message),
@@ -41,8 +42,8 @@ pub struct Vehicle {
     pub(crate) scores: Scores,
     pub(crate) by_range: RangeModel,
     pub(crate) positions: Positions,
-    /// Copies of the agent from before data of other members arrived in slots that are not counted yet.
-    pub(crate) before_data: BTreeMap<u32, Agent>,
+    /// Copies of the agent from the begin of slots that are not counted yet.
+    pub(crate) at_slot_begin: BTreeMap<u32, Agent>,
     pub(crate) modem: ModemStream,
     /// Frames that neither departed nor were dropped, with their expected slots.
     pub(crate) open_frames: BTreeMap<u64, Option<u32>>,
@@ -53,8 +54,10 @@ pub struct Vehicle {
     /// Warnings of the start, for the greeting.
     pub(crate) warnings: Vec<String>,
     pub(crate) has_greeted: bool,
-    /// Whether no input with a time was handled since the start.
+    /// Whether the clock has not moved since the start.
     pub(crate) is_starting: bool,
+    /// Time of the first report after a gap, until the second one confirms it.
+    pub(crate) after_gap_s: Option<f64>,
     pub(crate) inputs: u64,
     pub(crate) late_receptions: u64,
     /// Time of the last stored own position.
@@ -63,6 +66,10 @@ pub struct Vehicle {
     pub(crate) nav_s: Option<f64>,
     /// Time of the last base.
     pub(crate) base_s: Option<f64>,
+    /// Counter of the next own packet in the last snapshot that was written, and in the one before it.
+    pub(crate) snapshot_counters: [u32; 2],
+    /// Whether the present input needs a base and a snapshot.
+    pub(crate) wants_base: bool,
     /// Records and messages of the present input.
     pub(crate) records: Vec<Record>,
     pub(crate) messages: Vec<Message>,
@@ -86,18 +93,21 @@ impl Vehicle {
             scores: Scores::default(),
             by_range: RangeModel::default(),
             positions: Positions::default(),
-            before_data: BTreeMap::new(),
+            at_slot_begin: BTreeMap::new(),
             open_frames: BTreeMap::new(),
             silence: None,
             store_problem: None,
             warnings: Vec::new(),
             has_greeted: false,
             is_starting: true,
+            after_gap_s: None,
             inputs: 0,
             late_receptions: 0,
             stored_nav_s: None,
             nav_s: None,
             base_s: None,
+            snapshot_counters: [0; 2],
+            wants_base: false,
             records: Vec::new(),
             messages: Vec::new(),
         }

@@ -20,7 +20,7 @@ impl Vehicle {
         let frames = status.counts.entries().into_iter().filter(|(_, count)| *count > 0);
         Message::Status(Box::new(StatusReport {
             input,
-            time: self.ledger.latest_s().unwrap_or_default(),
+            time: self.ledger.clock_s().unwrap_or_default(),
             store,
             trust: self.scores.trust(),
             own_events: status.own_events,

@@ -52,6 +52,12 @@ impl Scores {
         }
     }
 
+    /// Returns the mean of the share heard under a uniform prior.
+    fn share_heard(&self) -> f64 {
+        let heard = self.latest.iter().filter(|score| score.heard).count();
+        (heard as f64 + 1.0) / (self.latest.len() as f64 + 2.0)
+    }
+
     pub(crate) fn is_empty(&self) -> bool {
         self.count == 0
     }
@@ -89,10 +95,12 @@ pub(crate) struct RangeModel {
 }
 
 impl RangeModel {
-    /// Returns the probability of a link. With few events it is one half at the conservative range, if there is one.
+    /// Returns the probability of a link. With few events it is one half at the conservative range if there is one, and
+    /// else the share heard, which begins at one half.
     /// O(N) after a change, for the latest 2000 events.
     pub(crate) fn probability(&mut self, scores: &Scores, conservative_range_m: Option<f64>, link: &Link) -> f64 {
-        if let Some(range_m) = conservative_range_m.filter(|_| scores.count < EVENTS_MIN as u64) {
+        if scores.count < EVENTS_MIN as u64 {
+            let Some(range_m) = conservative_range_m else { return scores.share_heard() };
             let log_odds = CONSERVATIVE_LOSS * (1.0 - link.range_m() / range_m);
             return 1.0 / (1.0 + (-log_odds).exp());
         }

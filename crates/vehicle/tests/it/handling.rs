@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use pingmap_agent::{Chart, InputSpec, Model, Position, Slots, Team, VehicleId};
+use pingmap_agent::{Chart, Entry, InputSpec, Model, Position, Slots, Team, VehicleId};
 use pingmap_import::Reference;
 use pingmap_packet::OutcomeBitmap;
 use pingmap_vehicle::{
@@ -14,11 +14,16 @@ use pingmap_vehicle::{
 const SLOT_S: f64 = 10.0;
 
 fn team() -> Arc<Team> {
+    team_with_order(&["ada", "bob"])
+}
+
+fn team_with_order(order: &[&str]) -> Arc<Team> {
     let model = Model::isotropic(Chart::about([]), InputSpec::Positions, dgpc::Shape::Matern52, true, 400.0, 4.0);
     let names = ["ada", "bob"].map(VehicleId::new);
     let corners = [-1000.0, 1000.0].map(|east_m| Position::new(east_m, east_m));
     let team = Team::new(names.clone(), model.unwrap(), corners).unwrap();
-    Arc::new(Team { slots: Slots::cycle(SLOT_S, names.to_vec()), ..team })
+    let order = order.iter().copied().map(VehicleId::new).collect();
+    Arc::new(Team { slots: Slots::cycle(SLOT_S, order), ..team })
 }
 
 fn config(more: &str) -> VehicleConfig {
@@ -35,19 +40,34 @@ struct Host {
 
 impl Host {
     fn new(more: &str) -> Self {
-        let contents = Contents { base: None, entries: Vec::new() };
-        Self::with(config(more), contents)
+        Self::with_order(more, &["ada", "bob"])
     }
 
-    fn with(config: VehicleConfig, contents: Contents) -> Self {
-        let vehicle = Vehicle::restore(config.clone(), team(), Reference::unknown(), &contents).unwrap();
+    fn with_order(more: &str, order: &[&str]) -> Self {
+        let contents = Contents { base: None, entries: Vec::new() };
+        Self::with(config(more), team_with_order(order), contents)
+    }
+
+    fn with(config: VehicleConfig, team: Arc<Team>, contents: Contents) -> Self {
+        let vehicle = Vehicle::restore(config.clone(), team, Reference::unknown(), &contents).unwrap();
+        Self::greeted(config, contents, vehicle)
+    }
+
+    fn greeted(config: VehicleConfig, contents: Contents, vehicle: Vehicle) -> Self {
         let mut host = Self { vehicle, contents, config, events: Vec::new() };
         host.send(Input::Hello(Hello { version: PROTOCOL, vehicle: None, team: None }));
         host
     }
 
+    /// Ends the process. Returns the content of its store.
+    fn stopped(mut self) -> Contents {
+        self.send(Input::Stop {});
+        self.contents
+    }
+
     fn restarted(self) -> Self {
-        Self::with(self.config, self.contents)
+        let team = Arc::new(self.vehicle.agent().team().clone());
+        Self::with(self.config, team, self.contents)
     }
 
     /// Sends a message, and returns the answer.
@@ -245,24 +265,27 @@ fn trust_follows_from_predictions_that_were_made_before_the_events() {
 
 #[test]
 fn positions_in_messages_alone_give_scores_that_do_not_depend_on_the_outcome() {
-    let scored = |heard: bool| {
-        let mut host = Host::new("");
-        for cycle in 0..12 {
-            let begin_s = 2.0 * SLOT_S * f64::from(cycle);
-            host.nav(begin_s);
-            host.nav(begin_s + SLOT_S + 1.0);
-            // Bob is heard in the first cycle. A message gives his position.
-            if cycle == 0 || heard {
-                host.hear(begin_s + SLOT_S + 2.0);
-                host.peer(begin_s + SLOT_S + 2.0, PeerSource::Message);
+    // The position has the time at which it arrived, or the earlier time at which Bob measured it.
+    for lead_s in [0.0, 6.0] {
+        let scored = |heard: bool| {
+            let mut host = Host::new("");
+            for cycle in 0..12 {
+                let begin_s = 2.0 * SLOT_S * f64::from(cycle);
+                host.nav(begin_s);
+                host.nav(begin_s + SLOT_S + 1.0);
+                // Bob is heard in the first cycle. A message gives his position.
+                if cycle == 0 || heard {
+                    host.hear(begin_s + SLOT_S + 2.0);
+                    host.peer(begin_s + SLOT_S + 2.0 - lead_s, PeerSource::Message);
+                }
             }
-        }
-        host.nav(260.0);
-        host.events.iter().map(|event| (event.time, event.probability.is_some())).collect::<Vec<_>>()
-    };
-    let (heard, missed) = (scored(true), scored(false));
-    assert!(!heard[0].1 && heard[1..].iter().all(|event| event.1), "{heard:?}");
-    assert_eq!(heard, missed);
+            host.nav(260.0);
+            host.events.iter().map(|event| (event.time, event.probability.is_some())).collect::<Vec<_>>()
+        };
+        let (heard, missed) = (scored(true), scored(false));
+        assert!(!heard[0].1 && heard[1..].iter().all(|event| event.1), "{heard:?}");
+        assert_eq!(heard, missed);
+    }
 }
 
 #[test]
@@ -301,6 +324,171 @@ fn a_prediction_uses_no_data_that_arrived_in_its_slot() {
 }
 
 #[test]
+fn the_predictions_of_a_heard_and_of_a_missed_slot_use_the_same_events() {
+    // Bob has two slots in a row. The first of them counts while the second one lasts.
+    let predicted = |is_last_heard: bool| {
+        let mut host = Host::with_order("", &["ada", "bob", "bob"]);
+        for second in 0..122 {
+            let time_s = f64::from(second);
+            host.nav(time_s);
+            host.peer(time_s, PeerSource::Other);
+            let is_last = second == 112;
+            if second % 10 == 2 && second % 30 > 10 && (is_last_heard || !is_last) {
+                let frames = vec![Hex(vec![0; 32])];
+                host.send(Input::Heard(Heard { time: time_s, from: VehicleId::new("bob"), kind: None, frames }));
+            }
+        }
+        host.nav(126.0);
+        let last = host.events.pop().unwrap();
+        assert_eq!((last.time, last.heard), (110.0, is_last_heard));
+        last.probability.unwrap()
+    };
+    assert_eq!(predicted(true), predicted(false));
+}
+
+#[test]
+fn a_slot_that_continues_counts_after_its_last_part() {
+    let mut host = Host::with_order("", &["ada", "bob", "", ""]);
+    host.nav(0.0);
+    for time_s in [10.0, 20.0, 30.0, 38.0] {
+        host.peer(time_s, PeerSource::Other);
+        host.nav(time_s);
+    }
+    assert_eq!(host.events, []);
+    // The message ends in the last part of the slot.
+    host.hear(39.0);
+    host.nav(46.0);
+    assert_eq!(host.events.iter().map(|event| (event.time, event.heard)).collect::<Vec<_>>(), [(10.0, true)]);
+    assert_eq!(host.status().late_receptions, 0);
+}
+
+#[test]
+fn receptions_and_positions_of_peers_do_not_move_the_clock() {
+    let counted = |is_heard: bool| {
+        let mut host = Host::new("clock.gap_s = 60");
+        host.nav(0.0);
+        host.peer(0.0, PeerSource::Other);
+        host.peer(190.0, PeerSource::Other);
+        for cycle in 0..9 {
+            let begin_s = 2.0 * SLOT_S * f64::from(cycle);
+            if is_heard {
+                host.hear(begin_s + SLOT_S + 2.0);
+            }
+        }
+        assert_eq!(host.status().time, 0.0);
+        [189.0, 190.0, 196.0].into_iter().for_each(|time_s| host.nav(time_s));
+        (host.events.len(), host.status().excluded_slots)
+    };
+    assert_eq!(counted(true), counted(false));
+    assert_eq!(counted(true).0, 0);
+}
+
+#[test]
+fn a_single_wrong_time_does_not_move_the_clock() {
+    let mut host = Host::new("");
+    host.cycles(
+        |_| true,
+        |host, cycle, _| {
+            if cycle == 4 {
+                host.nav(50_000.0)
+            }
+        },
+    );
+    assert_eq!(host.events.len(), 10);
+    // The second report confirms that time has passed.
+    host.nav(5000.0);
+    assert_eq!(host.status().time, 220.0);
+    host.nav(5001.0);
+    assert_eq!(host.status().time, 5001.0);
+}
+
+#[test]
+fn a_slot_that_was_not_counted_before_a_restart_does_not_count() {
+    let restarted = |is_heard: bool| {
+        let mut host = Host::new("slots.settle_s = 15");
+        host.cycles(|_| true, |_, _, _| {});
+        // The slot from 210 s on has ended, and is not counted yet.
+        if is_heard {
+            host.hear(212.0);
+        }
+        host.nav(224.0);
+        let mut host = host.restarted();
+        // A late report is no sign that the vehicle ran.
+        host.nav(223.0);
+        host.peer(224.0, PeerSource::Other);
+        host.nav(224.5);
+        host.nav(240.0);
+        (host.events.len(), host.status().excluded_slots["the vehicle was not running"])
+    };
+    assert_eq!(restarted(true), (0, 1));
+    assert_eq!(restarted(false), (0, 1));
+}
+
+#[test]
+fn an_own_slot_before_the_start_is_not_reported_as_unused() {
+    let mut host = Host::new("");
+    host.cycles(|_| true, |_, _, _| {});
+    host.contents.entries.clear();
+    // The vehicle was deaf for another reason, too.
+    let (from, to, not) = (221.0, 239.0, Some("pinging".into()));
+    host.send(Input::Listening(Listening { from, to, not }));
+    let mut host = host.restarted();
+    host.nav(238.0);
+    host.nav(250.0);
+    let unused = host.contents.entries.iter().filter(|record| record.get(2) == Some(&6)).count();
+    assert_eq!(unused, 0);
+}
+
+#[test]
+fn a_reception_that_is_reported_twice_is_not_late() {
+    let mut host = Host::new("");
+    host.cycles(|cycle| cycle == 9, |_, _, _| {});
+    host.hear(192.5);
+    assert_eq!(host.status().late_receptions, 0);
+    host.hear(172.5);
+    assert_eq!(host.status().late_receptions, 1);
+}
+
+#[test]
+fn receptions_in_a_slot_of_another_member_are_one_outcome() {
+    let mut host = Host::new("");
+    host.nav(0.0);
+    (0..50).for_each(|n| drop(host.hear(1.0 + 0.1 * f64::from(n))));
+    let outcomes = host.contents.entries.iter().filter(|record| {
+        record.first() == Some(&0) && matches!(Entry::from_bytes(&record[1..]), Ok(Entry::Outcome { .. }))
+    });
+    assert_eq!(outcomes.count(), 1);
+}
+
+#[test]
+fn an_adopted_store_keeps_events_and_forgets_slots_and_frames() {
+    let mut host = Host::new("");
+    host.cycles(|_| true, |_, _, _| {});
+    let request = Input::FrameRequest(FrameRequest { time: 220.0, bytes: 32 });
+    assert!(matches!(host.send(request.clone()), Message::Frame { .. }));
+    host.nav(260.0);
+    let other =
+        Arc::new(Team { epoch: 1, slots: Slots { start_s: 100.0, ..team().slots.clone() }, ..(*team()).clone() });
+    let stopped = Host { contents: host.contents.clone(), ..Host::new("") };
+    for contents in [host.contents.clone(), stopped.restarted().stopped()] {
+        let vehicle = Vehicle::adopt(host.config.clone(), other.clone(), Reference::unknown(), &contents).unwrap();
+        let mut adopted = Host::greeted(host.config.clone(), Contents::default(), vehicle);
+        let (before, after) = (host.status(), adopted.status());
+        assert_eq!((after.own_events, after.trust, after.open_frames), (before.own_events, before.trust, 0));
+        assert_eq!(after.excluded_slots, before.excluded_slots);
+        for time_s in (0..14).map(|n| 265.0 + 5.0 * f64::from(n)) {
+            adopted.peer(time_s, PeerSource::Other);
+            adopted.nav(time_s);
+        }
+        // The slots of the new schedule count from the first report on.
+        let times: Vec<f64> = adopted.events.iter().map(|event| event.time).collect();
+        assert_eq!(times, [270.0, 290.0, 310.0]);
+        let request = FrameRequest { time: 330.0, bytes: 32 };
+        assert!(matches!(adopted.send(Input::FrameRequest(request)), Message::Frame { .. }));
+    }
+}
+
+#[test]
 fn a_restart_and_a_base_keep_everything() {
     let mut host = Host::new("store.snapshot_interval_s = 50");
     host.cycles(|cycle| cycle % 2 == 0, |_, _, _| {});
@@ -332,6 +520,55 @@ fn a_dropped_frame_is_sent_again_and_tokens_are_checked() {
     assert_eq!(code(&host.send(Input::Dropped(Token { token: 99 }))), FaultCode::UnknownToken);
     let small = host.send(Input::FrameRequest(FrameRequest { time: 260.0, bytes: 5 }));
     assert_eq!(code(&small), FaultCode::OutOfBounds);
+}
+
+#[test]
+fn recoveries_from_the_last_snapshot_use_no_counter_twice() {
+    const WINDOW: u16 = 6;
+    let team = Arc::new(Team { packets_per_sender_max: WINDOW, ..(*team()).clone() });
+    // Snapshots by time are rare, so that the counters must ask for them.
+    let more = "sharing.reports = false\nstore.snapshot_interval_s = 1e5";
+    for (fails_from, expected_refusals) in [(60, false), (5, true)] {
+        let mut host = Host::with(config(more), team.clone(), Contents::default());
+        let (mut counters, mut refusals) = (std::collections::BTreeSet::new(), 0);
+        let mut snapshot: Option<Vec<u8>> = None;
+        for cycle in 0..60 {
+            let begin_s = 2.0 * SLOT_S * cycle as f64;
+            // Every event lies elsewhere, so that there is something to summarise.
+            let at = |east_m: f64| place(40.0 * east_m);
+            for time in [begin_s, begin_s + 6.0, begin_s + SLOT_S + 1.0, begin_s + 2.0 * SLOT_S - 1.0] {
+                let position = at((cycle % 17) as f64);
+                host.send(Input::Nav(Nav { time, clock_sigma: None, position, sigma: None, surfaced: false }));
+                let (member, position) = (VehicleId::new("bob"), at((cycle * 7 % 23) as f64));
+                host.send(Input::Peer(Peer { time, member, position, source: PeerSource::Other }));
+            }
+            for output in host.vehicle.handle(Input::FrameRequest(FrameRequest { time: begin_s + 20.0, bytes: 32 })) {
+                match output {
+                    Output::Base(_) if cycle >= fails_from => host.vehicle.snapshot_failed(),
+                    Output::Base(base) => snapshot = Some(base),
+                    Output::Send(Message::Frame { bytes, .. }) => {
+                        let (_, packet) = host.vehicle.agent().codec().read(&bytes.0).unwrap();
+                        assert!(counters.insert(packet.counter), "counter {} twice", packet.counter);
+                    }
+                    Output::Send(Message::Error { fault, .. }) => {
+                        assert_eq!(fault.code, FaultCode::StoreFailed);
+                        refusals += 1;
+                    }
+                    _ => {}
+                }
+            }
+            // The store is damaged.
+            if let Some(base) = snapshot.take_if(|_| cycle % 11 == 10) {
+                let contents = Contents { base: Some(base), entries: Vec::new() };
+                let restored = Vehicle::restore(config(more), team.clone(), Reference::unknown(), &contents);
+                let mut vehicle = restored.unwrap();
+                snapshot = Some(vehicle.note_recovery(true, "damage"));
+                host = Host::greeted(config(more), contents, vehicle);
+            }
+        }
+        assert!(counters.len() >= WINDOW.into(), "{counters:?}");
+        assert_eq!(refusals > 0, expected_refusals, "{refusals}");
+    }
 }
 
 #[test]

@@ -84,3 +84,17 @@ fn an_empty_file_and_a_file_of_zeros_are_damaged() {
         assert_eq!(place.files().len(), number);
     }
 }
+
+#[test]
+fn a_damaged_snapshot_is_refused_and_kept() {
+    let place = Place::new();
+    damaged_store(&place);
+    write_snapshot(&place.snapshot, b"snapshot").unwrap();
+    let mut bytes = fs::read(&place.snapshot).unwrap();
+    bytes[3] ^= 1;
+    fs::write(&place.snapshot, &bytes).unwrap();
+    let (_, opened) = open_or_recover(&place.store, &place.snapshot, &identity()).unwrap();
+    let Opened::Recovered { snapshot: None, problem, .. } = opened else { panic!("{opened:?}") };
+    assert!(problem.contains("its snapshot cannot be read") && problem.contains("checksum"), "{problem}");
+    assert_eq!(fs::read(place.folder.path().join("auv1.snapshot.damaged-1")).unwrap(), bytes);
+}
