@@ -86,12 +86,13 @@ impl Agent {
         self.change_frame(number, FrameState::Dropped, None)
     }
 
-    /// Skips a window of counters. A vehicle that was restored from a snapshot older than its last packets may have
-    /// used counters that it does not know. Every receiver forgets these packets. A snapshot holds the result.
-    pub fn skip_counters(&mut self) {
-        if let Some(own) = self.memory.own {
-            let last = self.memory.packets.next_counter(own) + u32::from(self.team().packets_per_sender_max) - 1;
-            self.memory.packets.advance_to(own, u16::try_from(last).unwrap_or(u16::MAX));
+    /// Raises the counter of the vehicle's next packet to `next`, if it is lower. A vehicle that was restored from a
+    /// snapshot older than its last packets may have used counters that it does not know. If it skips
+    /// [`Team::packets_per_sender_max`](crate::Team::packets_per_sender_max) counters, every receiver forgets these
+    /// packets. A snapshot holds the result.
+    pub fn raise_counter(&mut self, next: u32) {
+        if let Some(own) = self.memory.own.filter(|_| next > self.next_counter()) {
+            self.memory.packets.advance_to(own, u16::try_from(next - 1).unwrap_or(u16::MAX));
             self.data_changed();
         }
     }

@@ -25,7 +25,7 @@ pub struct VehicleConfig {
     /// The team file. It names the model, and the key file if the team has a key.
     pub team: PathBuf,
     /// Range with even odds, in metres: the answer before any event, and by range alone with few events. Without it
-    /// these answers come from the model of the team, and from even odds.
+    /// these answers come from the model of the team, and from the share heard so far.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub conservative_range_m: Option<f64>,
     /// Members whose frames have no effect.

@@ -11,9 +11,8 @@ use crate::config::settings::VehicleConfig;
 use crate::process::error::ProcessError;
 use crate::store::adoption::adopt_store;
 use crate::store::error::StoreError;
-use crate::store::folder::keep_damaged;
 use crate::store::identity::Identity;
-use crate::store::recovery::{Opened, open_or_recover_with};
+use crate::store::recovery::{Opened, Recovery, open_or_recover_with};
 use crate::store::snapshot::{read_snapshot, write_snapshot};
 use crate::store::tables::Contents;
 use crate::store::vehicle_store::Store;
@@ -63,9 +62,9 @@ impl Setup {
         }
         let mut recovered = None;
         let recover = |snapshot: Option<&[u8]>, problem: &str| {
-            let (vehicle, base) = self.recovered(reference, snapshot, &snapshot_path, problem);
+            let (vehicle, recovery) = self.recovered(reference, snapshot, problem);
             recovered = Some(vehicle);
-            Some(base)
+            recovery
         };
         let (store, opened) = open_or_recover_with(&path, &snapshot_path, &identity, recover)?;
         let content = match (opened, recovered) {
@@ -83,8 +82,9 @@ impl Setup {
     /// Gives the store to this team. A store that is damaged or missing is recovered later.
     fn adopt(&self, path: &Path, reference: &Reference) -> Result<(), ProcessError> {
         let identity = self.identity();
-        let convert = |contents: &Contents| {
-            let adopted = Vehicle::adopt(self.config.clone(), self.team.clone(), reference.clone(), contents);
+        let convert = |former: &Identity, contents: &Contents| {
+            let (config, team, reference) = (self.config.clone(), self.team.clone(), reference.clone());
+            let adopted = Vehicle::adopt(config, team, reference, contents, &former.team_digest);
             let wrong = |source| ProcessError::Restore { path: path.into(), source };
             adopted.map(|vehicle| vehicle.base()).map_err(wrong)
         };
@@ -101,28 +101,17 @@ impl Setup {
     }
 
     /// Returns the vehicle of a snapshot after its store was damaged, and the base of a fresh store.
-    fn recovered(
-        &self,
-        reference: &Reference,
-        snapshot: Option<&[u8]>,
-        snapshot_path: &Path,
-        problem: &str,
-    ) -> (Vehicle, Vec<u8>) {
-        let begin = |base: Option<Vec<u8>>| self.restore(reference, &Contents { base, entries: Vec::new() });
-        let (mut vehicle, has_snapshot, problem) = match snapshot.map(|snapshot| begin(Some(snapshot.to_vec()))) {
+    fn recovered(&self, reference: &Reference, snapshot: Option<&[u8]>, problem: &str) -> (Vehicle, Recovery) {
+        let begin = |base: &[u8]| self.restore(reference, &Contents { base: Some(base.into()), entries: Vec::new() });
+        let (mut vehicle, uses_snapshot, problem) = match snapshot.map(begin) {
             Some(Ok(vehicle)) => (vehicle, true, problem.to_owned()),
             Some(Err(error)) => {
-                let problem = format!("{problem}; its snapshot cannot be used: {error}");
-                match keep_damaged(snapshot_path) {
-                    Ok(kept_as) => tracing::warn!(kept_as = %kept_as.display(), "the snapshot was kept"),
-                    Err(error) => tracing::error!(%error, "the snapshot could not be kept"),
-                }
-                (self.empty(reference), false, problem)
+                (self.empty(reference), false, format!("{problem}; its snapshot cannot be used: {error}"))
             }
             None => (self.empty(reference), false, problem.to_owned()),
         };
-        let base = vehicle.note_recovery(has_snapshot, &problem);
-        (vehicle, base)
+        let base = Some(vehicle.note_recovery(uses_snapshot, &problem));
+        (vehicle, Recovery { base, uses_snapshot })
     }
 
     fn empty(&self, reference: &Reference) -> Vehicle {

@@ -164,7 +164,7 @@ pub struct Trust {
 pub struct StatusReport {
     /// Number of the input. 0 for a report that was not requested.
     pub input: u64,
-    /// Latest time of an input.
+    /// Time of the clock.
     pub time: f64,
     /// State of the store.
     pub store: StoreState,

@@ -9,8 +9,9 @@ use crate::store::locked_file::LockedFile;
 use crate::store::tables::{Contents, write_base, write_identity};
 use crate::store::verification::Verified;
 
-/// Gives a store to another team configuration, and returns its former identity. `convert` returns the base for the new
-/// configuration. Identity and base change in one transaction. Nothing changes if the identity is the same.
+/// Gives a store to another team configuration, and returns its former identity. `convert` gets the former identity and
+/// the content, and returns the base for the new configuration. Identity and base change in one transaction. Nothing
+/// changes if the identity is the same.
 ///
 /// The vehicle must be the same: the entries of one vehicle are wrong in the store of another.
 ///
@@ -20,7 +21,7 @@ use crate::store::verification::Verified;
 pub fn adopt_store<E: From<StoreError>>(
     path: &Path,
     identity: &Identity,
-    convert: impl FnOnce(&Contents) -> Result<Vec<u8>, E>,
+    convert: impl FnOnce(&Identity, &Contents) -> Result<Vec<u8>, E>,
 ) -> Result<Identity, E> {
     let file = LockedFile::open(path)?;
     let verified = Verified::new(path, file.storage())?;
@@ -28,7 +29,7 @@ pub fn adopt_store<E: From<StoreError>>(
     if verified.identity == *identity {
         return Ok(verified.identity);
     }
-    let base = convert(&verified.contents)?;
+    let base = convert(&verified.identity, &verified.contents)?;
     verified.correct(path, file.storage())?;
     let storage = file.unlock(path)?;
     catch_panics(path, || {

@@ -2,7 +2,7 @@
 
 use std::ffi::OsString;
 use std::fs::{self, File};
-use std::io;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use crate::store::error::StoreError;
@@ -53,18 +53,28 @@ pub(crate) fn replace_file(path: &Path, fill: impl FnOnce(&mut File) -> io::Resu
 
 /// Renames a damaged file to `NAME.damaged-1`, or to the first higher number that is free. Returns the new name.
 pub(crate) fn keep_damaged(path: &Path) -> Result<PathBuf, StoreError> {
-    let mut number = 1_u64;
-    let kept_as = loop {
-        let name = with_suffix(path, &format!(".damaged-{number}"));
-        match fs::symlink_metadata(&name) {
-            Ok(_) => number += 1,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => break name,
-            Err(error) => return Err(StoreError::from_io(&name, error)),
-        }
-    };
+    let kept_as = free_name(path)?;
     fs::rename(path, &kept_as).map_err(|e| StoreError::from_io(path, e))?;
     sync_folder(path)?;
     Ok(kept_as)
+}
+
+/// Copies a damaged file to a name as [`keep_damaged`] does. The file keeps its own name, too.
+pub(crate) fn copy_damaged(path: &Path) -> Result<(), StoreError> {
+    let bytes = fs::read(path).map_err(|e| StoreError::from_io(path, e))?;
+    replace_file(&free_name(path)?, |file| file.write_all(&bytes))
+}
+
+fn free_name(path: &Path) -> Result<PathBuf, StoreError> {
+    let mut number = 1_u64;
+    loop {
+        let name = with_suffix(path, &format!(".damaged-{number}"));
+        match fs::symlink_metadata(&name) {
+            Ok(_) => number += 1,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(name),
+            Err(error) => return Err(StoreError::from_io(&name, error)),
+        }
+    }
 }
 
 #[cfg(test)]

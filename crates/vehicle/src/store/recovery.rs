@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::store::creation::FreshStore;
 use crate::store::error::StoreError;
-use crate::store::folder::keep_damaged;
+use crate::store::folder::{copy_damaged, keep_damaged};
 use crate::store::identity::Identity;
 use crate::store::locked_file::LockedFile;
 use crate::store::snapshot::{read_snapshot, write_snapshot};
@@ -19,11 +19,11 @@ pub enum Opened {
     Intact(Contents),
     /// There was neither a store nor a snapshot. The store is empty.
     New,
-    /// The store was damaged or missing. A fresh one has taken its place, with the last snapshot as its base.
+    /// The store was damaged or missing. A fresh one has taken its place, with a base that continues the snapshot.
     Recovered {
         /// The name under which the damaged file was kept. `None` if the store was missing.
         kept_as: Option<PathBuf>,
-        /// The snapshot, if there was one. It is the base of the fresh store.
+        /// The snapshot, if there was one.
         snapshot: Option<Vec<u8>>,
         /// Description of the damage.
         problem: String,
@@ -33,25 +33,36 @@ pub enum Opened {
 /// Opens the store at `path`. A store that is damaged or missing is replaced by a fresh one, which begins with the
 /// snapshot at `snapshot_path`.
 ///
-/// A damaged file is never deleted or changed. It is renamed to `NAME.damaged-1`, or to the next number that is free.
-/// A crash within this function loses nothing: the next call finds the damaged store, or no store and the snapshot, or
-/// the fresh store with the snapshot.
+/// A damaged file is never deleted or changed. A damaged store is renamed to `NAME.damaged-1`, or to the next number
+/// that is free, and a damaged snapshot is copied to such a name. After a crash within this function, the next call
+/// recovers again.
 ///
 /// # Errors
 /// Every state that is not damage: a lock, another vehicle or team, a newer version, a file that is not a store, a
-/// folder, a missing folder, missing permissions, a full medium. The file is unchanged then.
+/// folder, a missing folder, missing permissions, a full medium. The store is unchanged then.
 pub fn open_or_recover(path: &Path, snapshot_path: &Path, identity: &Identity) -> Result<(Store, Opened), StoreError> {
-    open_or_recover_with(path, snapshot_path, identity, |snapshot, _| snapshot.map(<[u8]>::to_vec))
+    open_or_recover_with(path, snapshot_path, identity, |snapshot, _| Recovery {
+        base: snapshot.map(<[u8]>::to_vec),
+        uses_snapshot: snapshot.is_some(),
+    })
+}
+
+/// The begin of a fresh store.
+pub(crate) struct Recovery {
+    /// Its base, if it has one.
+    pub(crate) base: Option<Vec<u8>>,
+    /// Whether the base continues the snapshot. A snapshot that is not used is kept under another name.
+    pub(crate) uses_snapshot: bool,
 }
 
 /// Opens the store as [`open_or_recover`] does, with another base for a fresh store. `recover` gets the snapshot and a
-/// description of the damage, and returns the base. The base replaces the snapshot, and is in the fresh store before
-/// the store has its name: what the recovery changes survives a crash, and a second damage.
+/// description of the damage. The base replaces the snapshot, and is in the fresh store before the store has its name:
+/// what the recovery changes survives a crash, and a second damage.
 pub(crate) fn open_or_recover_with(
     path: &Path,
     snapshot_path: &Path,
     identity: &Identity,
-    recover: impl FnOnce(Option<&[u8]>, &str) -> Option<Vec<u8>>,
+    recover: impl FnOnce(Option<&[u8]>, &str) -> Recovery,
 ) -> Result<(Store, Opened), StoreError> {
     let (damaged, problem) = match LockedFile::open(path) {
         Ok(file) => match open_verified(path, file, identity)? {
@@ -61,21 +72,21 @@ pub(crate) fn open_or_recover_with(
         Err(StoreError::Missing { .. }) => (None, "the store is missing, although it has a snapshot".to_string()),
         Err(error) => return Err(error),
     };
-    let (snapshot, problem) = match read_snapshot(snapshot_path) {
-        Ok(snapshot) => (Some(snapshot), problem),
+    let (snapshot, has_snapshot, problem) = match read_snapshot(snapshot_path) {
+        Ok(snapshot) => (Some(snapshot), true, problem),
         Err(StoreError::Missing { .. } | StoreError::NoFolder { .. }) if damaged.is_none() => {
             return Ok((replace(path, identity, None, None)?.0, Opened::New));
         }
-        Err(StoreError::Missing { .. } | StoreError::NoFolder { .. }) => (None, problem),
-        Err(error) => {
-            if matches!(error, StoreError::Damaged { .. }) {
-                keep_damaged(snapshot_path)?;
-            }
-            (None, format!("{problem}; its snapshot cannot be read: {error}"))
+        Err(StoreError::Missing { .. } | StoreError::NoFolder { .. }) => (None, false, problem),
+        Err(StoreError::Damaged { problem: of_snapshot, .. }) => {
+            (None, true, format!("{problem}; its snapshot is damaged: {of_snapshot}"))
         }
+        Err(error) => return Err(error),
     };
-    let base = recover(snapshot.as_deref(), &problem);
-    // A second recovery must not begin with the counters of the former snapshot.
+    let Recovery { base, uses_snapshot } = recover(snapshot.as_deref(), &problem);
+    if has_snapshot && !uses_snapshot {
+        copy_damaged(snapshot_path)?;
+    }
     if let Some(base) = &base {
         write_snapshot(snapshot_path, base)?;
     }

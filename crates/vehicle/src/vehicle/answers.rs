@@ -43,7 +43,7 @@ impl Vehicle {
             let field = format!("links[{index}].{name}");
             match end {
                 End::Place(place) => self.position(&field, place),
-                End::Member(id) => self.positions.latest(id).ok_or_else(|| {
+                End::Member(id) => self.latest_position(id).ok_or_else(|| {
                     let expected = "a member or this vehicle with a known position";
                     Fault::of_field(FaultCode::WrongPlace, &field, id.as_str(), expected)
                 }),

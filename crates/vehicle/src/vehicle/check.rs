@@ -7,15 +7,16 @@ use crate::protocol::place::Place;
 use crate::vehicle::state::Vehicle;
 
 /// Longest lead of a time over the clock, in seconds.
-const LEAD_S_MAX: f64 = 86_400.0;
+pub(crate) const LEAD_S_MAX: f64 = 86_400.0;
 
 impl Vehicle {
     /// Checks the time of an input. Times may be late: a host may report a position or a reception after others.
     pub(crate) fn check_time(&self, field: &str, time_s: f64) -> Result<(), Fault> {
         self.check_any_time(field, time_s)?;
-        match self.ledger.clock_s() {
-            Some(clock_s) if !self.is_starting && time_s - clock_s > LEAD_S_MAX => {
-                let expected = format!("at most a day after {clock_s}, the latest time so far");
+        let before_s = self.ledger.clock_s().or(self.after_gap.as_ref().map(|first| first.time_s));
+        match before_s {
+            Some(before_s) if time_s - before_s > LEAD_S_MAX => {
+                let expected = format!("at most a day after {before_s}, the time of the last nav");
                 Err(Fault::of_field(FaultCode::WrongTime, field, time_s, expected))
             }
             _ => Ok(()),

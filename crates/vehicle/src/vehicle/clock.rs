@@ -1,94 +1,91 @@
-//! The clock of the vehicle: it follows reports that do not depend on receptions.
+//! The clock of the vehicle: the times of navigation and of listening. Receptions do not move it.
 
 use std::collections::BTreeMap;
 
-use crate::protocol::fault::Fault;
-use crate::protocol::input::{FrameRequest, Input, Listening, Peer, PeerSource, PiggybackRequest, Predict};
-use crate::vehicle::ledger::LedgerRecord;
+use crate::protocol::fault::{Fault, FaultCode};
+use crate::protocol::output::Message;
+use crate::vehicle::check::LEAD_S_MAX;
+use crate::vehicle::ledger::{AfterGap, LedgerRecord};
 use crate::vehicle::state::Vehicle;
 
 pub(crate) const NOT_RUNNING: &str = "the vehicle was not running";
 pub(crate) const NO_INPUT: &str = "no input from the host";
 
-/// The meaning of the time of a message.
-pub(crate) enum Stamp {
-    /// The present, whether or not the vehicle received anything.
-    Clock(f64),
-    /// The time at which something arrived.
-    Arrival(f64),
-    /// Another time, or none.
-    Other,
-}
+/// Copies of the agent, at most. Slots that wait for longer are predicted by the last of them.
+const COPIES_MAX: usize = 8;
 
 impl Vehicle {
-    /// Checks the times of a message.
-    pub(crate) fn check_times(&self, input: &Input) -> Result<Stamp, Fault> {
-        let stamp = match input {
-            Input::Nav(nav) => Stamp::Clock(nav.time),
-            Input::Sent(at) | Input::NotSent(at) => Stamp::Clock(at.time),
-            Input::Departed(departed) => Stamp::Clock(departed.time),
-            Input::Heard(heard) => Stamp::Arrival(heard.time),
-            Input::Nmea(nmea) => Stamp::Arrival(nmea.time),
-            Input::FrameIn(frame) => Stamp::Arrival(frame.time),
-            Input::PiggybackIn(piggyback) => Stamp::Arrival(piggyback.time),
-            Input::Peer(peer) if peer.source == PeerSource::Message => Stamp::Arrival(peer.time),
-            // Plans and requests are about the future.
-            Input::Peer(Peer { time, .. })
-            | Input::FrameRequest(FrameRequest { time, .. })
-            | Input::PiggybackRequest(PiggybackRequest { time, .. }) => {
-                return self.check_time("time", *time).map(|()| Stamp::Other);
-            }
-            Input::Listening(Listening { from, to, .. }) => {
-                self.check_interval(*from, *to)?;
-                Stamp::Clock(*from)
-            }
-            // A query may be about any time.
-            Input::Predict(Predict { time: Some(time), .. }) => {
-                return self.check_any_time("time", *time).map(|()| Stamp::Other);
-            }
-            Input::Predict(_) | Input::Hello(_) | Input::Dropped(_) | Input::Status {} | Input::Stop {} => Stamp::Other,
-        };
-        if let Stamp::Clock(time_s) | Stamp::Arrival(time_s) = stamp {
-            self.check_time("time", time_s)?;
-        }
-        Ok(stamp)
-    }
-
-    /// Moves the clock to the time of a report that does not depend on receptions. If receptions moved it, a host that
-    /// reports nothing else would make heard slots count more often than missed ones.
+    /// Moves the clock to the time of a report. Returns whether the report counts now: its time is near the clock, or
+    /// it confirms the report before it. If receptions moved the clock, a host that reports nothing else would make
+    /// heard slots count more often than missed ones.
     ///
-    /// The vehicle does not know what it could receive in a gap without such reports. A single report after a gap may
-    /// have a wrong time: the clock follows the second one.
-    pub(crate) fn advance_clock(&mut self, time_s: f64) {
-        let slots = &self.agent.team().slots;
-        let Some(clock_s) = self.ledger.clock_s() else {
-            let next = slots.number(time_s).unwrap_or(0);
-            self.change_ledger(LedgerRecord::Settled { next, excluded: BTreeMap::new() });
-            return self.end_gap(f64::MIN, time_s, time_s, NOT_RUNNING);
-        };
-        if time_s <= clock_s {
-            return;
+    /// # Errors
+    /// [`Fault`] for the first report after more than a day.
+    pub(crate) fn advance_clock(&mut self, time_s: f64) -> Result<bool, Fault> {
+        let lead_s = self.ledger.clock_s().map_or(f64::INFINITY, |clock_s| time_s - clock_s);
+        if lead_s <= 0.0 {
+            return Ok(true);
+        }
+        if lead_s <= self.config.clock.gap_s && !self.is_starting {
+            self.after_gap = None;
+            self.set_clock(time_s);
+            return Ok(true);
+        }
+        let former = self.after_gap.replace(AfterGap { time_s, nav: None });
+        let before_s = if self.is_starting { None } else { self.ledger.clock_s() };
+        let before_s = before_s.or(former.as_ref().map(|first| first.time_s));
+        if let Some(first) = former.filter(|first| (0.0..=LEAD_S_MAX).contains(&(time_s - first.time_s))) {
+            self.end_gap(&first, time_s);
+            return Ok(true);
         }
         if self.is_starting {
-            // Receptions in slots that are not counted may be lost.
-            let from_s = slots.begin_s(self.ledger.next()).map_or(clock_s, |begin_s| begin_s.min(clock_s));
-            return self.end_gap(from_s, time_s, time_s, NOT_RUNNING);
+            self.copies.entry(0).or_insert_with(|| self.agent.clone());
         }
-        let gap_s = self.config.clock.gap_s;
-        match self.after_gap_s.filter(|first_s| (time_s - first_s).abs() <= gap_s) {
-            _ if time_s - clock_s <= gap_s => {
-                self.after_gap_s = None;
-                self.ledger.apply(&LedgerRecord::Handled { time_s });
+        match before_s.filter(|before_s| time_s - before_s > LEAD_S_MAX) {
+            Some(_) => {
+                let expected = "at most a day after the report before it, or confirmed by the next one";
+                Err(Fault::of_field(FaultCode::WrongTime, "time", time_s, expected))
             }
-            Some(first_s) => self.end_gap(clock_s, first_s.min(time_s), time_s, NO_INPUT),
-            None => self.after_gap_s = Some(time_s),
+            None => Ok(false),
         }
     }
 
-    /// Notes a gap without reports, and moves the clock behind it.
-    fn end_gap(&mut self, from_s: f64, to_s: f64, time_s: f64, reason: &str) {
-        (self.is_starting, self.after_gap_s) = (false, None);
+    /// Moves the clock behind a gap. The vehicle does not know what it could receive in the gap.
+    fn end_gap(&mut self, first: &AfterGap, time_s: f64) {
+        let is_confirmed = time_s - first.time_s <= self.config.clock.gap_s;
+        let to_s = if is_confirmed { first.time_s } else { time_s };
+        let slots = &self.agent.team().slots;
+        let (from_s, reason) = match self.ledger.clock_s() {
+            None => {
+                let next = slots.number(to_s).unwrap_or(0);
+                self.change_ledger(LedgerRecord::Settled { next, excluded: BTreeMap::new() });
+                (f64::MIN, NOT_RUNNING)
+            }
+            // Receptions in slots that are not counted may be lost.
+            Some(clock_s) if self.is_starting => {
+                let begin_s = slots.begin_s(self.ledger.next()).unwrap_or(clock_s);
+                (begin_s.min(clock_s), NOT_RUNNING)
+            }
+            Some(clock_s) => (clock_s, NO_INPUT),
+        };
+        (self.is_starting, self.after_gap) = (false, None);
         self.change_ledger(LedgerRecord::Deaf { from_s, to_s, reason: reason.into() });
+        self.set_clock(time_s);
+        if let Some(nav) = first.nav.as_ref().filter(|_| is_confirmed)
+            && let Err(fault) = self.apply_nav(nav)
+        {
+            self.send(Message::Error { input: self.inputs, fault });
+        }
+    }
+
+    /// Sets the clock. Keeps a copy of the agent at the first report in a slot. O(n²) for n events, once a slot.
+    fn set_clock(&mut self, time_s: f64) {
         self.ledger.apply(&LedgerRecord::Handled { time_s });
+        let slots = &self.agent.team().slots;
+        let present = slots.number(time_s).and_then(|slot| slots.transmission_slot(slot));
+        let Some(present) = present.filter(|&slot| !self.ledger.is_settled(slot)) else { return };
+        if self.copies.len() < COPIES_MAX && !self.copies.contains_key(&present) {
+            self.copies.insert(present, self.agent.clone());
+        }
     }
 }

@@ -69,25 +69,27 @@ impl Vehicle {
     /// Checks that a recovery from the last snapshot would skip all counters that were used since. Half of the window
     /// asks for another snapshot.
     fn check_counters(&mut self) -> Result<(), Fault> {
-        let used = self.agent.next_counter().saturating_sub(self.snapshot_counters[0]);
+        let used = self.agent.next_counter().saturating_sub(self.snapshot_counter);
         let window = u32::from(self.agent.team().packets_per_sender_max);
         self.wants_base |= used >= window / 2;
         if used < window {
             return Ok(());
         }
-        let problem = "the snapshot could not be written for so long that a recovery could use counters twice";
-        Err(Fault::new(FaultCode::StoreFailed, format!("the vehicle sends nothing: {problem}")))
+        let problem =
+            "until another snapshot is written, because a recovery from the last one could use counters twice";
+        Err(Fault::new(FaultCode::StoreFailed, format!("the vehicle sends nothing {problem}")))
     }
 
     /// Notes the counter in the snapshot that is about to be written.
     pub(crate) fn begin_snapshot(&mut self) {
-        self.snapshot_counters = [self.agent.next_counter(), self.snapshot_counters[0]];
+        self.former_snapshot_counter = self.snapshot_counter;
+        self.snapshot_counter = self.agent.next_counter();
     }
 
     /// Notes that the last snapshot could not be written. The vehicle sends no frame when too many counters of packets
     /// were used since the snapshot before it.
     pub fn snapshot_failed(&mut self) {
-        self.snapshot_counters[0] = self.snapshot_counters[1];
+        self.snapshot_counter = self.former_snapshot_counter;
     }
 
     /// Notes that a frame left at a time, or never.

@@ -4,13 +4,21 @@ use pingmap_agent::Position;
 use pingmap_packet::to_hex;
 
 use crate::protocol::fault::{Fault, FaultCode};
-use crate::protocol::input::{FrameIn, FrameLink, Heard, Hello, Input, Listening, Nav, Peer, PeerSource};
+use crate::protocol::input::{
+    At, Departed, FrameIn, FrameLink, FrameRequest, Heard, Hello, Input, Listening, Nav, Nmea, Peer, PeerSource,
+    PiggybackIn, PiggybackRequest, Predict,
+};
 use crate::protocol::output::{Greeting, Message, PROTOCOL};
-use crate::vehicle::clock::Stamp;
-use crate::vehicle::ledger::{LedgerRecord, shortened};
+use crate::vehicle::ledger::{LedgerRecord, shortened, span_s};
 use crate::vehicle::record::Record;
 use crate::vehicle::slots::{CLOCK, SURFACED, failed};
 use crate::vehicle::state::{Output, Vehicle};
+
+/// Slots among which the latest one of a member is looked for.
+const SLOTS_BACK_MAX: usize = 1000;
+
+/// Records after which the store gets another base.
+const RECORDS_MAX: usize = 10_000;
 
 impl Vehicle {
     /// Handles a message of the host. Returns what the process has to do, in order: store records, send messages.
@@ -61,7 +69,8 @@ impl Vehicle {
         let clock_s = self.ledger.clock_s();
         let interval_s = self.config.store.snapshot_interval_s;
         let is_due = clock_s.zip(self.base_s).is_some_and(|(clock_s, base_s)| clock_s - base_s >= interval_s);
-        let is_due = is_due || std::mem::take(&mut self.wants_base);
+        self.records_after_base += self.records.len();
+        let is_due = std::mem::take(&mut self.wants_base) || is_due || self.records_after_base > RECORDS_MAX;
         self.base_s = self.base_s.or(clock_s);
         let mut outputs = Vec::new();
         let mut records = std::mem::take(&mut self.records);
@@ -71,7 +80,7 @@ impl Vehicle {
                 outputs.push(Output::Store(records.iter().map(Record::to_bytes).collect()));
             }
             if is_stop || is_due {
-                self.base_s = clock_s;
+                (self.base_s, self.records_after_base) = (clock_s, 0);
                 self.begin_snapshot();
                 outputs.push(Output::Base(self.base()));
             }
@@ -90,18 +99,37 @@ impl Vehicle {
         if !self.has_greeted {
             return Err(Fault::new(FaultCode::NotGreeted, "the first message must be hello"));
         }
-        match self.check_times(&input)? {
-            Stamp::Clock(time_s) => {
-                self.advance_clock(time_s);
-                self.note_slot_begin(time_s);
-            }
-            Stamp::Arrival(time_s) => self.note_slot_begin(time_s),
-            Stamp::Other => {}
-        }
+        self.check_times(&input)?;
         let is_answered = self.apply_input(input)?;
         self.count_slots();
         if !is_answered {
             self.send(Message::Ok { input: self.inputs, stored: self.store_problem.is_none() });
+        }
+        Ok(())
+    }
+
+    /// Checks the times of a message.
+    fn check_times(&mut self, input: &Input) -> Result<(), Fault> {
+        match input {
+            Input::Heard(Heard { time, .. })
+            | Input::Nmea(Nmea { time, .. })
+            | Input::FrameIn(FrameIn { time, .. })
+            | Input::PiggybackIn(PiggybackIn { time, .. }) => {
+                self.check_time("time", *time)?;
+                self.arrival_s = self.arrival_s.max(*time);
+            }
+            Input::Peer(Peer { time, .. })
+            | Input::Sent(At { time, .. })
+            | Input::NotSent(At { time, .. })
+            | Input::Departed(Departed { time, .. })
+            | Input::FrameRequest(FrameRequest { time, .. })
+            | Input::PiggybackRequest(PiggybackRequest { time, .. }) => self.check_time("time", *time)?,
+            // The clock may follow these times, and a query may be about any time.
+            Input::Nav(Nav { time, .. }) | Input::Predict(Predict { time: Some(time), .. }) => {
+                self.check_any_time("time", *time)?;
+            }
+            Input::Listening(Listening { from, to, .. }) => self.check_interval(*from, *to)?,
+            Input::Predict(_) | Input::Hello(_) | Input::Dropped(_) | Input::Status {} | Input::Stop {} => {}
         }
         Ok(())
     }
@@ -114,7 +142,7 @@ impl Vehicle {
             Input::Sent(at) => self.note_transmission(at.time),
             Input::NotSent(at) => self.note_unused_slot(at.time)?,
             Input::Heard(heard) => self.hear(&heard)?,
-            Input::Listening(listening) => self.note_listening(listening),
+            Input::Listening(listening) => self.note_listening(listening)?,
             Input::Nmea(nmea) => self.absorb_sentence(nmea.time, &nmea.sentence)?,
             Input::FrameIn(frame) => {
                 self.take_frame(&frame)?;
@@ -181,11 +209,20 @@ impl Vehicle {
     fn navigate(&mut self, nav: &Nav) -> Result<(), Fault> {
         self.check_sigma("clock_sigma", nav.clock_sigma)?;
         self.check_sigma("sigma", nav.sigma)?;
+        self.position("position", &nav.position)?;
+        if self.advance_clock(nav.time)? {
+            return self.apply_nav(nav);
+        }
+        if let Some(first) = &mut self.after_gap {
+            first.nav = Some(nav.clone());
+        }
+        Ok(())
+    }
+
+    /// Applies navigation whose time the clock has reached.
+    pub(crate) fn apply_nav(&mut self, nav: &Nav) -> Result<(), Fault> {
         let position = self.position("position", &nav.position)?;
-        // A clock that is set back is no late message.
-        let gap_s = self.config.clock.gap_s;
-        let is_latest = self.nav_s.is_none_or(|nav_s| nav.time >= nav_s || nav.time < nav_s - gap_s);
-        if is_latest {
+        if self.nav_s.is_none_or(|nav_s| nav.time >= nav_s) {
             self.nav_s = Some(nav.time);
             self.note_deafness(SURFACED, nav.surfaced, nav.time);
             let sigma_max_s = self.config.clock.sigma_max_s.unwrap_or(0.25 * self.agent.team().slots.duration_s);
@@ -196,7 +233,7 @@ impl Vehicle {
             return Ok(());
         }
         let id = self.id().clone();
-        self.positions.add(&id, nav.time, position, true);
+        self.add_position(&id, nav.time, position, true);
         let interval_s = self.config.navigation.interval_s;
         let is_due = self.stored_nav_s.is_none_or(|stored_s| (nav.time - stored_s).abs() >= interval_s);
         if is_due {
@@ -222,23 +259,23 @@ impl Vehicle {
         let position: Position = self.position("position", &peer.position)?;
         let is_independent = peer.source == PeerSource::Other;
         let time_s = if is_independent { peer.time } else { self.arrival_s(peer) };
-        self.positions.add(&peer.member, time_s, position, is_independent);
+        self.add_position(&peer.member, time_s, position, is_independent);
         let entry = self.agent.record_peer_position(&peer.member, time_s, position, is_independent);
         self.records.extend(entry.map_err(|error| failed(&error))?.map(Record::Entry));
         Ok(())
     }
 
-    /// Returns the time of a position in a message: not before the slot in which the message arrived. The position
-    /// would otherwise be known at the begin of the slot only if the slot was heard.
+    /// Returns the time of a position in a message, within the latest slot of its member. A position before the slot of
+    /// its message would predict that slot if it was heard. A position after it would locate the slot.
     fn arrival_s(&self, peer: &Peer) -> f64 {
         let slots = &self.agent.team().slots;
-        if slots.sent_in(peer.time, &peer.member).is_some() {
-            return peer.time;
+        let now_s = self.arrival_s.max(peer.time).max(self.ledger.clock_s().unwrap_or(f64::NEG_INFINITY));
+        let latest = slots.number(now_s).into_iter().flat_map(|latest| (0..=latest).rev());
+        let slot = latest.take(SLOTS_BACK_MAX).find(|&slot| slots.sender(slot) == Some(&peer.member));
+        match slot.and_then(|slot| span_s(slots, slot)) {
+            Some((begin_s, end_s)) => peer.time.clamp(begin_s, end_s.next_down()),
+            None => peer.time,
         }
-        let latest = self.ledger.clock_s().and_then(|clock_s| slots.number(clock_s));
-        let mut uncounted = latest.into_iter().flat_map(|latest| (self.ledger.next()..=latest).rev());
-        let arrival = uncounted.find(|&slot| slots.sender(slot) == Some(&peer.member));
-        arrival.and_then(|slot| slots.begin_s(slot)).map_or(peer.time, |begin_s| begin_s.max(peer.time))
     }
 
     fn note_unused_slot(&mut self, time_s: f64) -> Result<(), Fault> {
@@ -273,10 +310,12 @@ impl Vehicle {
         Ok(())
     }
 
-    fn note_listening(&mut self, Listening { from, to, not }: Listening) {
+    fn note_listening(&mut self, Listening { from, to, not }: Listening) -> Result<(), Fault> {
+        self.advance_clock(from)?;
         self.change_ledger(match not {
             Some(reason) => LedgerRecord::Deaf { from_s: from, to_s: to, reason: shortened(&reason) },
             None => LedgerRecord::Listened { from_s: from, to_s: to },
         });
+        Ok(())
     }
 }

@@ -5,6 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use pingmap_agent::Slots;
 use serde::{Deserialize, Serialize};
 
+use crate::protocol::input::Nav;
+
 /// Intervals in which the vehicle could not receive, at most. The oldest are forgotten.
 const INTERVALS_MAX: usize = 10_000;
 
@@ -38,6 +40,13 @@ pub(crate) enum LedgerRecord {
     Handled { time_s: f64 },
 }
 
+/// The first report after a gap. Its time may be wrong: the second report confirms it.
+#[derive(Debug, Clone)]
+pub(crate) struct AfterGap {
+    pub(crate) time_s: f64,
+    pub(crate) nav: Option<Nav>,
+}
+
 /// How a slot of another member counts.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum SlotOutcome {
@@ -52,7 +61,7 @@ pub(crate) enum SlotOutcome {
 pub(crate) struct Ledger {
     /// The first slot that is not counted.
     next: u32,
-    /// The clock: the latest time of a report that does not depend on receptions.
+    /// The clock: the latest time of navigation or of listening.
     clock_s: Option<f64>,
     heard: BTreeSet<u32>,
     sent: BTreeSet<u32>,
@@ -159,16 +168,20 @@ impl Ledger {
     }
 
     /// Returns whether the vehicle could not receive for one of these reasons, in a part of an interval.
-    pub(crate) fn is_deaf_for(&self, reasons: &[&str], (begin_s, end_s): (f64, f64)) -> bool {
-        let mut overlapping = self.deaf.iter().filter(|(from_s, to_s, _)| *from_s < end_s && *to_s > begin_s);
-        overlapping.any(|(.., reason)| reasons.contains(&reason.as_str()))
+    pub(crate) fn is_deaf_for(&self, reasons: &[&str], span_s: (f64, f64)) -> bool {
+        self.deaf_in(span_s).any(|reason| reasons.contains(&reason))
+    }
+
+    /// Returns the reasons of intervals in which the vehicle could not receive, and that overlap with an interval.
+    fn deaf_in(&self, (begin_s, end_s): (f64, f64)) -> impl Iterator<Item = &str> {
+        let overlapping = self.deaf.iter().filter(move |(from_s, to_s, _)| *from_s < end_s && *to_s > begin_s);
+        overlapping.map(|(.., reason)| reason.as_str())
     }
 
     /// Returns why the vehicle could not receive during a whole interval; `None` if it could.
     pub(crate) fn deafness(&self, (begin_s, end_s): (f64, f64), listens: bool) -> Option<String> {
-        let overlapping = self.deaf.iter().find(|(from_s, to_s, _)| *from_s < end_s && *to_s > begin_s);
-        if let Some((_, _, reason)) = overlapping {
-            return Some(reason.clone());
+        if let Some(reason) = self.deaf_in((begin_s, end_s)).next() {
+            return Some(reason.into());
         }
         if let Some((reason, _)) = self.deaf_since_s.iter().find(|(_, from_s)| **from_s < end_s) {
             return Some(reason.clone());

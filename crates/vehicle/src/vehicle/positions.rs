@@ -4,9 +4,11 @@ use std::collections::{BTreeMap, VecDeque};
 
 use pingmap_agent::{Position, VehicleId};
 
-/// Age at which positions are forgotten, in seconds. A position that is older than the latest one by more comes from a
-/// clock that was set back.
+/// Age at which positions are forgotten, in seconds.
 const AGE_S_MAX: f64 = 3600.0;
+
+/// Positions of one vehicle, at most. Further ones in the future are left out.
+const FIXES_MAX: usize = 20_000;
 
 /// Least time between two positions of one vehicle, in seconds.
 const STEP_S_MIN: f64 = 0.2;
@@ -17,9 +19,12 @@ pub(crate) struct Fixes(VecDeque<(f64, Position)>);
 
 impl Fixes {
     /// Adds a position. It replaces a position at the same time. Of positions at a high rate, some are left out.
-    fn add(&mut self, time_s: f64, position: Position) {
-        if self.0.back().is_some_and(|latest| time_s < latest.0 - AGE_S_MAX) {
-            self.0.clear();
+    fn add(&mut self, time_s: f64, position: Position, clock_s: f64) {
+        while self.0.front().is_some_and(|oldest| oldest.0 < clock_s - AGE_S_MAX) {
+            self.0.pop_front();
+        }
+        if time_s < clock_s - AGE_S_MAX {
+            return;
         }
         let index = self.0.partition_point(|fix| fix.0 < time_s);
         let near = |index: usize| self.0.get(index).is_some_and(|fix| (fix.0 - time_s).abs() < STEP_S_MIN);
@@ -29,9 +34,13 @@ impl Fixes {
             None if is_dense => {}
             None => self.0.insert(index, (time_s, position)),
         }
-        while self.0.front().zip(self.0.back()).is_some_and(|(oldest, latest)| oldest.0 < latest.0 - AGE_S_MAX) {
-            self.0.pop_front();
-        }
+        self.0.truncate(FIXES_MAX);
+    }
+
+    /// Returns the latest position up to a time, or else the first one after it.
+    fn latest(&self, time_s: f64) -> Option<&(f64, Position)> {
+        let after = self.0.partition_point(|fix| fix.0 <= time_s);
+        self.0.get(after.saturating_sub(1))
     }
 
     /// Returns the position at a time: that of a fix, or between two fixes that are at most `gap_s_max` apart. An
@@ -71,11 +80,12 @@ pub(crate) struct Positions {
 }
 
 impl Positions {
-    pub(crate) fn add(&mut self, id: &VehicleId, time_s: f64, position: Position, is_independent: bool) {
+    /// Adds a position of a vehicle. `clock_s` is the present.
+    pub(crate) fn add(&mut self, id: &VehicleId, time_s: f64, position: Position, is_independent: bool, clock_s: f64) {
         if is_independent {
-            self.independent.entry(id.clone()).or_default().add(time_s, position);
+            self.independent.entry(id.clone()).or_default().add(time_s, position, clock_s);
         }
-        self.known.entry(id.clone()).or_default().add(time_s, position);
+        self.known.entry(id.clone()).or_default().add(time_s, position, clock_s);
     }
 
     /// Returns the position of a vehicle at a time, from positions that are known independently of receptions.
@@ -90,10 +100,10 @@ impl Positions {
         fixes.get(before).filter(|fix| time_s - fix.0 <= age_s_max).map(|fix| fix.1)
     }
 
-    /// Returns the latest position of each vehicle, and its time: for a store.
-    pub(crate) fn stored(&self) -> Vec<StoredPosition> {
+    /// Returns the position of each vehicle at the present, and its time: for a store.
+    pub(crate) fn stored(&self, clock_s: f64) -> Vec<StoredPosition> {
         let stored = |(id, fixes): (&VehicleId, &Fixes)| {
-            let &(time_s, at) = fixes.0.back()?;
+            let &(time_s, at) = fixes.latest(clock_s)?;
             Some((id.clone(), time_s, [Some(at.east_m), Some(at.north_m), at.depth_m, at.heading_deg]))
         };
         self.known.iter().filter_map(stored).collect()
@@ -103,14 +113,14 @@ impl Positions {
     pub(crate) fn restore(&mut self, stored: Vec<StoredPosition>) {
         for (id, time_s, [east_m, north_m, depth_m, heading_deg]) in stored {
             if let Some((east_m, north_m)) = east_m.zip(north_m) {
-                self.add(&id, time_s, Position { east_m, north_m, depth_m, heading_deg }, false);
+                self.add(&id, time_s, Position { east_m, north_m, depth_m, heading_deg }, false, time_s);
             }
         }
     }
 
-    /// Returns the latest position of a vehicle.
-    pub(crate) fn latest(&self, id: &VehicleId) -> Option<Position> {
-        self.known.get(id)?.0.back().map(|(_, position)| *position)
+    /// Returns the position of a vehicle at the present.
+    pub(crate) fn latest(&self, id: &VehicleId, clock_s: f64) -> Option<Position> {
+        self.known.get(id)?.latest(clock_s).map(|(_, position)| *position)
     }
 }
 
@@ -120,7 +130,12 @@ mod tests {
 
     fn added(times_s: impl IntoIterator<Item = f64>) -> Fixes {
         let mut fixes = Fixes::default();
-        times_s.into_iter().for_each(|time_s| fixes.add(time_s, Position::new(time_s, 0.0)));
+        let mut clock_s = f64::NEG_INFINITY;
+        for time_s in times_s {
+            // Times far ahead are plans.
+            clock_s = if time_s < 50_000.0 { time_s.max(clock_s) } else { clock_s };
+            fixes.add(time_s, Position::new(time_s, 0.0), clock_s);
+        }
         fixes
     }
 
@@ -134,10 +149,12 @@ mod tests {
     }
 
     #[test]
-    fn positions_are_known_after_a_clock_was_set_back() {
-        let fixes = added([90_000.0, 90_010.0, 100.0, 110.0]);
+    fn plans_and_wrong_times_ahead_erase_no_position() {
+        let fixes = added([100.0, 90_000.0, 90_010.0, 110.0]);
         assert_eq!(fixes.at(105.0, 20.0).map(|at| at.east_m), Some(105.0));
-        assert_eq!(fixes.at(90_005.0, 20.0), None);
+        assert_eq!(fixes.at(90_005.0, 20.0).map(|at| at.east_m), Some(90_005.0));
+        assert_eq!(fixes.latest(120.0).map(|fix| fix.0), Some(110.0));
+        assert_eq!(fixes.latest(50.0).map(|fix| fix.0), Some(100.0));
     }
 
     #[test]

@@ -41,6 +41,8 @@ struct Rest {
     late_receptions: u64,
     /// Digest of the team, by which slots and frames have their numbers.
     team: String,
+    /// Counters of the next own packet by the digest of each team configuration so far.
+    counters: BTreeMap<String, u32>,
     silence: Option<String>,
     positions: Vec<StoredPosition>,
     open_frames: BTreeMap<u64, Option<u32>>,
@@ -50,13 +52,16 @@ impl Vehicle {
     /// Returns the state as the base of a store. O(entries).
     pub(crate) fn base(&self) -> Vec<u8> {
         let snapshot = self.agent.snapshot();
+        let mut counters = self.former_counters.clone();
+        counters.insert(self.team_digest(), self.agent.next_counter());
         let rest = Rest {
             ledger: self.ledger.clone(),
             scores: self.scores.clone(),
             late_receptions: self.late_receptions,
-            team: to_hex(&self.agent.team().digest()),
+            team: self.team_digest(),
+            counters,
             silence: self.silence.clone(),
-            positions: self.positions.stored(),
+            positions: self.positions.stored(self.ledger.clock_s().unwrap_or(f64::INFINITY)),
             open_frames: self.open_frames.clone(),
         };
         // Numbers are finite and keys are texts, so that this cannot fail.
@@ -75,12 +80,15 @@ impl Vehicle {
         contents: &Contents,
     ) -> Result<Self, RestoreError> {
         let mut vehicle = Self::from_base(config, team, reference, contents.base.as_deref())?;
-        vehicle.apply_records(&contents.entries, |_| true)?;
+        for (index, bytes) in contents.entries.iter().enumerate() {
+            let applied = Record::from_bytes(bytes).and_then(|record| vehicle.apply(record));
+            applied.map_err(|problem| RestoreError::Record { index, problem })?;
+        }
         Ok(vehicle)
     }
 
-    /// Creates a vehicle with the content of a store of another team configuration. Events, positions and outcomes have
-    /// times and stay. Slots and frames of the other configuration have no meaning here.
+    /// Creates a vehicle with the content of a store of another team configuration, with this digest. Events, positions
+    /// and outcomes have times and stay. Slots and frames of the other configuration have no meaning here.
     ///
     /// # Errors
     /// [`RestoreError`] for a base or a record that this version cannot read.
@@ -89,29 +97,22 @@ impl Vehicle {
         team: Arc<Team>,
         reference: Reference,
         contents: &Contents,
+        former_digest: &[u8; 32],
     ) -> Result<Self, RestoreError> {
         let mut vehicle = Self::from_base(config, team, reference, contents.base.as_deref())?;
-        let has_time = |entry: &Entry| {
-            use Entry::{Navigated, Observed, Outcome, PeerPosition};
-            matches!(entry, Observed { .. } | Navigated { .. } | Outcome { .. } | PeerPosition { .. })
-        };
-        vehicle.apply_records(&contents.entries, |record| match record {
-            Record::Entry(entry) => has_time(entry),
-            Record::Ledger(_) | Record::Score(_) => true,
-        })?;
-        vehicle.ledger = vehicle.ledger.for_other_team();
-        Ok(vehicle)
-    }
-
-    fn apply_records(&mut self, records: &[Vec<u8>], is_wanted: impl Fn(&Record) -> bool) -> Result<(), RestoreError> {
-        for (index, bytes) in records.iter().enumerate() {
+        let mut sent = 0;
+        for (index, bytes) in contents.entries.iter().enumerate() {
             let wrong = |problem| RestoreError::Record { index, problem };
-            let record = Record::from_bytes(bytes).map_err(wrong)?;
-            if is_wanted(&record) {
-                self.apply(record).map_err(wrong)?;
+            match Record::from_bytes(bytes).map_err(wrong)? {
+                Record::Entry(Entry::Sent { state: FrameState::Proposed, .. }) => sent += 1,
+                Record::Entry(Entry::Sent { .. } | Entry::Received { .. } | Entry::UnusedSlot { .. }) => {}
+                Record::Entry(Entry::Piggyback { .. }) => {}
+                record => vehicle.apply(record).map_err(wrong)?,
             }
         }
-        Ok(())
+        vehicle.ledger = vehicle.ledger.for_other_team();
+        vehicle.raise_former_counter(&to_hex(former_digest), sent);
+        Ok(vehicle)
     }
 
     fn from_base(
@@ -135,15 +136,30 @@ impl Vehicle {
         let id = config.vehicle.clone();
         let agent = Agent::restore(id, team, config.agent_options(), snapshot).map_err(|error| error.to_string())?;
         let rest: Rest = serde_json::from_slice(rest).map_err(|error| error.to_string())?;
-        let is_same_team = rest.team == to_hex(&agent.team().digest());
-        let Rest { ledger, scores, late_receptions, silence, positions, open_frames, .. } = rest;
-        let mut vehicle = Self::with_agent(config, agent, reference);
+        let Rest { ledger, scores, late_receptions, team, counters, silence, positions, open_frames } = rest;
+        let mut vehicle = Self { scores, late_receptions, ..Self::with_agent(config, agent, reference) };
         vehicle.positions.restore(positions);
+        let digest = vehicle.team_digest();
+        if let Some(&next) = counters.get(&digest) {
+            vehicle.agent.raise_counter(next);
+        }
+        vehicle.former_counters = counters;
         vehicle.begin_snapshot();
-        Ok(match is_same_team {
-            true => Self { ledger, scores, late_receptions, silence, open_frames, ..vehicle },
-            false => Self { ledger: ledger.for_other_team(), scores, late_receptions, ..vehicle },
+        Ok(match team == digest {
+            true => Self { ledger, silence, open_frames, ..vehicle },
+            false => Self { ledger: ledger.for_other_team(), ..vehicle },
         })
+    }
+
+    fn team_digest(&self) -> String {
+        to_hex(&self.agent.team().digest())
+    }
+
+    /// Notes that frames were sent under a former team configuration. Their counters are unknown: the window covers
+    /// those that other packets had raised.
+    fn raise_former_counter(&mut self, digest: &str, sent: u32) {
+        let window = u32::from(self.agent.team().packets_per_sender_max);
+        *self.former_counters.entry(digest.into()).or_default() += sent + window;
     }
 
     fn apply(&mut self, record: Record) -> Result<(), String> {
@@ -156,10 +172,10 @@ impl Vehicle {
                     Entry::Sent { number, .. } => drop(self.open_frames.remove(number)),
                     Entry::Navigated { time_s, position } => {
                         let id = self.id().clone();
-                        self.positions.add(&id, *time_s, *position, true);
+                        self.add_position(&id, *time_s, *position, true);
                     }
                     Entry::PeerPosition { member, time_s, position, is_independent } => {
-                        self.positions.add(member, *time_s, *position, *is_independent);
+                        self.add_position(member, *time_s, *position, *is_independent);
                     }
                     _ => {}
                 }
@@ -177,7 +193,9 @@ impl Vehicle {
     pub fn note_recovery(&mut self, has_snapshot: bool, problem: &str) -> Vec<u8> {
         let mut warning = format!("the store was damaged ({problem}); ");
         if has_snapshot {
-            self.agent.skip_counters();
+            let window = u32::from(self.agent.team().packets_per_sender_max);
+            self.agent.raise_counter(self.agent.next_counter() + window);
+            self.former_counters.values_mut().for_each(|next| *next += window);
             warning += "the vehicle continues from its snapshot, and skips a window of counters";
         } else {
             let silence = "the store was damaged and had no snapshot, so that used counters are unknown; raise the \

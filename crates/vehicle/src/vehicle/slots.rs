@@ -15,9 +15,6 @@ use crate::vehicle::trust::Score;
 pub(crate) const SURFACED: &str = "surfaced";
 pub(crate) const CLOCK: &str = "clock uncertain";
 
-/// Slots that are predicted from what the vehicle knew at their begin. Later ones are predicted from the last of these.
-const SLOT_BEGINS_MAX: usize = 8;
-
 impl Vehicle {
     /// Notes that a message of another member arrived at a time.
     pub(crate) fn note_reception(&mut self, from: &VehicleId, time_s: f64) -> Result<(), Fault> {
@@ -34,7 +31,8 @@ impl Vehicle {
     /// member in one slot are one outcome, which bounds their number.
     fn note_reception_in_other_slot(&mut self, from: &VehicleId, time_s: f64) -> Result<(), Fault> {
         let slots = &self.agent.team().slots;
-        let Some(begin_s) = slots.number(time_s).and_then(|slot| slots.begin_s(slot)) else { return Ok(()) };
+        let begin_s = self.ledger.clock_s().and(slots.number(time_s)).and_then(|slot| slots.begin_s(slot));
+        let Some(begin_s) = begin_s else { return Ok(()) };
         let entry = self.agent.record_outcome(from, begin_s, true).map_err(|error| failed(&error))?;
         self.records.extend(entry.map(Record::Entry));
         Ok(())
@@ -43,14 +41,13 @@ impl Vehicle {
     /// Counts the slots that ended long enough ago.
     pub(crate) fn count_slots(&mut self) {
         let due = self.ledger.due(&self.agent.team().slots, self.config.slots.settle_s);
-        if due.is_empty() {
+        // The vehicle does not know yet since when it runs.
+        if self.is_starting || due.is_empty() {
             return;
         }
         let slots = self.agent.team().slots.clone();
-        if let Some(end_s) = slots.begin_s(due.end) {
-            let news = self.modem.finish_before(end_s);
-            self.note_modem_news(news);
-        }
+        let news = self.modem.finish_before(slots.begin_s(due.end).unwrap_or(f64::INFINITY));
+        self.note_modem_news(news);
         let own = self.id().clone();
         let mut excluded = BTreeMap::<String, u64>::new();
         for slot in due.clone() {
@@ -71,8 +68,8 @@ impl Vehicle {
         }
         self.change_ledger(LedgerRecord::Settled { next: due.end, excluded });
         self.ledger.forget_intervals(&slots);
-        let kept = self.at_slot_begin.range(..=due.end).next_back().map_or(due.end, |(&slot, _)| slot);
-        self.at_slot_begin = self.at_slot_begin.split_off(&kept);
+        let kept = self.copies.range(..due.end).next_back().map_or(due.end, |(&slot, _)| slot);
+        self.copies = self.copies.split_off(&kept);
         self.refit_if_due();
     }
 
@@ -113,8 +110,8 @@ impl Vehicle {
             Some(event) => self.agent.record([event])?,
             None => self.agent.record_outcome(from, time_s, heard)?.into_iter().collect(),
         };
-        // Own outcomes of earlier slots do not depend on that of a later one.
-        for (_, agent) in self.at_slot_begin.range_mut(slot + 1..) {
+        // Later slots are predicted by the copies, which may use this outcome.
+        for agent in self.copies.values_mut() {
             entries.iter().try_for_each(|entry| agent.apply(entry.clone()).map(drop))?;
         }
         self.records.extend(entries.into_iter().map(Record::Entry));
@@ -127,27 +124,14 @@ impl Vehicle {
         Ok(())
     }
 
-    /// Predicts the event of a slot from own earlier events, and from what arrived before that slot. Data that arrive
-    /// with the message itself would make the prediction depend on the outcome.
+    /// Predicts the event of a slot from own earlier events, and from what had arrived at the first report in an
+    /// earlier slot. Data that arrive with the message itself would make the prediction depend on the outcome.
     fn score(&mut self, event: &Event, slot: u32) -> Result<Score, AgentError> {
-        let known = self.at_slot_begin.range_mut(..=slot).next_back();
-        let agent = known.map_or(&mut self.agent, |(_, agent)| agent);
+        let copy = self.copies.range_mut(..slot).next_back();
+        let agent = copy.map_or(&mut self.agent, |(_, agent)| agent);
         let map = agent.predict([event.query()], Which::Fused)?[0].probability;
         let by_range = self.probability_by_range(&event.link);
         Ok(Score { map, by_range, range_m: event.link.range_m(), heard: event.success })
-    }
-
-    /// Keeps what the vehicle knows for the prediction of the present slot, at the first input in it. O(n²) for n
-    /// events, once a slot.
-    pub(crate) fn note_slot_begin(&mut self, time_s: f64) {
-        let now_s = self.ledger.clock_s().map_or(time_s, |clock_s| clock_s.max(time_s));
-        let slots = &self.agent.team().slots;
-        let present = slots.number(now_s).and_then(|slot| slots.transmission_slot(slot));
-        let is_predicted = |slot: &u32| slots.sender(*slot) != Some(self.id()) && !self.ledger.is_settled(*slot);
-        let Some(present) = present.filter(is_predicted) else { return };
-        if self.at_slot_begin.len() < SLOT_BEGINS_MAX && !self.at_slot_begin.contains_key(&present) {
-            self.at_slot_begin.insert(present, self.agent.clone());
-        }
     }
 
     pub(crate) fn probability_by_range(&mut self, link: &Link) -> f64 {

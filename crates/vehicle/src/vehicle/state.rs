@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use pingmap_agent::{Agent, Team, VehicleId};
+use pingmap_agent::{Agent, Position, Team, VehicleId};
 use pingmap_import::{ModemStream, Reference};
 
 use crate::config::settings::VehicleConfig;
 use crate::protocol::output::Message;
-use crate::vehicle::ledger::{Ledger, LedgerRecord};
+use crate::vehicle::ledger::{AfterGap, Ledger, LedgerRecord};
 use crate::vehicle::positions::Positions;
 use crate::vehicle::record::Record;
 use crate::vehicle::trust::{RangeModel, Scores};
@@ -42,8 +42,8 @@ pub struct Vehicle {
     pub(crate) scores: Scores,
     pub(crate) by_range: RangeModel,
     pub(crate) positions: Positions,
-    /// Copies of the agent from the begin of slots that are not counted yet.
-    pub(crate) at_slot_begin: BTreeMap<u32, Agent>,
+    /// Copies of the agent from the first report in each slot, for predictions of later slots.
+    pub(crate) copies: BTreeMap<u32, Agent>,
     pub(crate) modem: ModemStream,
     /// Frames that neither departed nor were dropped, with their expected slots.
     pub(crate) open_frames: BTreeMap<u64, Option<u32>>,
@@ -56,8 +56,10 @@ pub struct Vehicle {
     pub(crate) has_greeted: bool,
     /// Whether the clock has not moved since the start.
     pub(crate) is_starting: bool,
-    /// Time of the first report after a gap, until the second one confirms it.
-    pub(crate) after_gap_s: Option<f64>,
+    /// The first report after a gap, until the second one confirms it.
+    pub(crate) after_gap: Option<AfterGap>,
+    /// Latest time of an arrival.
+    pub(crate) arrival_s: f64,
     pub(crate) inputs: u64,
     pub(crate) late_receptions: u64,
     /// Time of the last stored own position.
@@ -66,8 +68,14 @@ pub struct Vehicle {
     pub(crate) nav_s: Option<f64>,
     /// Time of the last base.
     pub(crate) base_s: Option<f64>,
-    /// Counter of the next own packet in the last snapshot that was written, and in the one before it.
-    pub(crate) snapshot_counters: [u32; 2],
+    /// Counter of the next own packet in the last snapshot.
+    pub(crate) snapshot_counter: u32,
+    /// That of the snapshot before it, which remains if the last one cannot be written.
+    pub(crate) former_snapshot_counter: u32,
+    /// Counters of the next own packet by the digest of former team configurations.
+    pub(crate) former_counters: BTreeMap<String, u32>,
+    /// Records since the last base.
+    pub(crate) records_after_base: usize,
     /// Whether the present input needs a base and a snapshot.
     pub(crate) wants_base: bool,
     /// Records and messages of the present input.
@@ -93,20 +101,24 @@ impl Vehicle {
             scores: Scores::default(),
             by_range: RangeModel::default(),
             positions: Positions::default(),
-            at_slot_begin: BTreeMap::new(),
+            copies: BTreeMap::new(),
             open_frames: BTreeMap::new(),
             silence: None,
             store_problem: None,
             warnings: Vec::new(),
             has_greeted: false,
             is_starting: true,
-            after_gap_s: None,
+            after_gap: None,
+            arrival_s: f64::NEG_INFINITY,
             inputs: 0,
             late_receptions: 0,
             stored_nav_s: None,
             nav_s: None,
             base_s: None,
-            snapshot_counters: [0; 2],
+            snapshot_counter: 0,
+            former_snapshot_counter: 0,
+            former_counters: BTreeMap::new(),
+            records_after_base: 0,
             wants_base: false,
             records: Vec::new(),
             messages: Vec::new(),
@@ -121,6 +133,19 @@ impl Vehicle {
     /// Returns the name of the vehicle.
     pub fn id(&self) -> &VehicleId {
         self.agent.id()
+    }
+
+    /// Adds a position that the host knows, or that the store holds.
+    pub(crate) fn add_position(&mut self, id: &VehicleId, time_s: f64, position: Position, is_independent: bool) {
+        let clock_s = self.ledger.clock_s().unwrap_or(f64::NEG_INFINITY);
+        self.positions.add(id, time_s, position, is_independent, clock_s);
+    }
+
+    /// Returns the position of a vehicle at the time of the clock; its own one from the first navigation on.
+    pub(crate) fn latest_position(&self, id: &VehicleId) -> Option<Position> {
+        let first = self.after_gap.as_ref().and_then(|first| first.nav.as_ref()).filter(|_| id == self.id());
+        let known = self.positions.latest(id, self.ledger.clock_s().unwrap_or(f64::INFINITY));
+        known.or_else(|| self.position("position", &first?.position).ok())
     }
 
     /// Applies a change of the ledger, and notes it for the store.

@@ -117,6 +117,18 @@ impl Host {
         self.nav(220.0);
     }
 
+    /// One cycle in which Bob is missed. Every event lies elsewhere, so that there is something to summarise.
+    fn miss_elsewhere(&mut self, cycle: usize) {
+        let begin_s = 2.0 * SLOT_S * cycle as f64;
+        let at = |east_m: usize| place(40.0 * east_m as f64);
+        for time in [begin_s, begin_s + 6.0, begin_s + SLOT_S + 1.0, begin_s + 2.0 * SLOT_S - 1.0] {
+            let position = at(cycle % 17);
+            self.send(Input::Nav(Nav { time, clock_sigma: None, position, sigma: None, surfaced: false }));
+            let (member, position) = (VehicleId::new("bob"), at(cycle * 7 % 23));
+            self.send(Input::Peer(Peer { time, member, position, source: PeerSource::Other }));
+        }
+    }
+
     fn status(&mut self) -> StatusReport {
         match self.send(Input::Status {}) {
             Message::Status(status) => *status,
@@ -266,7 +278,7 @@ fn trust_follows_from_predictions_that_were_made_before_the_events() {
 #[test]
 fn positions_in_messages_alone_give_scores_that_do_not_depend_on_the_outcome() {
     // The position has the time at which it arrived, or the earlier time at which Bob measured it.
-    for lead_s in [0.0, 6.0] {
+    for lead_s in [0.0, 6.0, 20.0, -8.5] {
         let scored = |heard: bool| {
             let mut host = Host::new("");
             for cycle in 0..12 {
@@ -400,6 +412,97 @@ fn a_single_wrong_time_does_not_move_the_clock() {
     assert_eq!(host.status().time, 220.0);
     host.nav(5001.0);
     assert_eq!(host.status().time, 5001.0);
+    // A gap of more than a day is refused once.
+    let nav = |time| Input::Nav(Nav { time, clock_sigma: None, position: place(0.0), sigma: None, surfaced: false });
+    assert_eq!(code(&host.send(nav(1e6))), FaultCode::WrongTime);
+    assert_eq!(host.status().time, 5001.0);
+    host.nav(1e6 + 1.0);
+    assert_eq!(host.status().time, 1e6 + 1.0);
+}
+
+#[test]
+fn a_wrong_first_time_does_not_stop_the_count() {
+    for wrong_s in [1e6, 0.0] {
+        let mut host = Host::new("");
+        host.nav(wrong_s);
+        let counted = |host: &mut Host, first_s: f64| {
+            for time_s in (0..5).map(|n| first_s + 10.0 * f64::from(n)) {
+                host.peer(time_s, PeerSource::Other);
+                host.nav(time_s);
+            }
+            host.events.iter().filter(|event| event.time >= first_s).count()
+        };
+        assert_eq!(counted(&mut host, 20_001.0), 1, "{:?}", host.events);
+        // The same after a restart.
+        let mut host = host.restarted();
+        host.nav(wrong_s);
+        assert_eq!(counted(&mut host, 40_001.0), 1, "{:?}", host.events);
+    }
+}
+
+#[test]
+fn reports_that_are_rarer_than_the_gap_move_the_clock_and_count_no_slot() {
+    let mut host = Host::new("clock.gap_s = 60");
+    (0..6).for_each(|n| host.nav(90.0 * f64::from(n)));
+    let status = host.status();
+    assert!(status.time >= 360.0, "{}", status.time);
+    assert_eq!(host.events, []);
+    assert!(status.excluded_slots["no input from the host"] >= 10, "{:?}", status.excluded_slots);
+}
+
+#[test]
+fn wrong_times_and_places_change_nothing_about_surfacing() {
+    let counted = |disturb: &dyn Fn(&mut Host)| {
+        let mut host = Host::new("");
+        let nav =
+            |time, x, surfaced| Input::Nav(Nav { time, clock_sigma: None, position: place(x), sigma: None, surfaced });
+        for time_s in (0..30).map(|n| 5.0 * f64::from(n)) {
+            host.peer(time_s, PeerSource::Other);
+            host.send(nav(time_s, 0.0, (50.0..100.0).contains(&time_s)));
+            if time_s == 60.0 {
+                disturb(&mut host);
+            }
+        }
+        (host.events.iter().map(|event| event.time).collect::<Vec<_>>(), host.status().excluded_slots)
+    };
+    let expected = counted(&|_| {});
+    assert_eq!(expected.0, [10.0, 30.0, 110.0, 130.0]);
+    let wrong_time = |host: &mut Host| host.nav(50_000.0);
+    assert_eq!(counted(&wrong_time), expected);
+    let wrong_place = |host: &mut Host| {
+        let nav = Nav { time: 75.0, clock_sigma: None, position: place(4e5), sigma: None, surfaced: false };
+        assert_eq!(code(&host.send(Input::Nav(nav))), FaultCode::WrongPlace);
+        assert_eq!(host.status().time, 60.0);
+    };
+    assert_eq!(counted(&wrong_place), expected);
+}
+
+#[test]
+fn a_team_that_is_used_again_gets_no_counter_twice() {
+    let mut host = Host::new("sharing.reports = false");
+    let request = |host: &mut Host, time: f64| match host.send(Input::FrameRequest(FrameRequest { time, bytes: 32 })) {
+        Message::Frame { bytes, .. } => host.vehicle.agent().codec().read(&bytes.0).unwrap().1.counter,
+        other => panic!("{other:?}"),
+    };
+    (0..10).for_each(|cycle| host.miss_elsewhere(cycle));
+    let first = request(&mut host, 200.0);
+    let other = Arc::new(Team { epoch: 1, ..(*team()).clone() });
+    let adopted = |host: Host, team: Arc<Team>| {
+        let (config, former) = (host.config.clone(), host.vehicle.agent().team().digest());
+        let contents = host.contents;
+        let vehicle = Vehicle::adopt(config.clone(), team, Reference::unknown(), &contents, &former).unwrap();
+        let mut host = Host::greeted(config, Contents::default(), vehicle);
+        // The base is in the store from the begin on.
+        host.contents.base = host.vehicle.handle(Input::Stop {}).into_iter().find_map(|output| match output {
+            Output::Base(base) => Some(base),
+            _ => None,
+        });
+        host
+    };
+    let mut host = adopted(host, other);
+    assert_eq!(request(&mut host, 260.0), 0);
+    let mut host = adopted(host, team());
+    assert!(request(&mut host, 280.0) > first);
 }
 
 #[test]
@@ -452,7 +555,7 @@ fn a_reception_that_is_reported_twice_is_not_late() {
 #[test]
 fn receptions_in_a_slot_of_another_member_are_one_outcome() {
     let mut host = Host::new("");
-    host.nav(0.0);
+    [0.0, 0.5].into_iter().for_each(|time_s| host.nav(time_s));
     (0..50).for_each(|n| drop(host.hear(1.0 + 0.1 * f64::from(n))));
     let outcomes = host.contents.entries.iter().filter(|record| {
         record.first() == Some(&0) && matches!(Entry::from_bytes(&record[1..]), Ok(Entry::Outcome { .. }))
@@ -471,7 +574,9 @@ fn an_adopted_store_keeps_events_and_forgets_slots_and_frames() {
         Arc::new(Team { epoch: 1, slots: Slots { start_s: 100.0, ..team().slots.clone() }, ..(*team()).clone() });
     let stopped = Host { contents: host.contents.clone(), ..Host::new("") };
     for contents in [host.contents.clone(), stopped.restarted().stopped()] {
-        let vehicle = Vehicle::adopt(host.config.clone(), other.clone(), Reference::unknown(), &contents).unwrap();
+        let vehicle =
+            Vehicle::adopt(host.config.clone(), other.clone(), Reference::unknown(), &contents, &team().digest());
+        let vehicle = vehicle.unwrap();
         let mut adopted = Host::greeted(host.config.clone(), Contents::default(), vehicle);
         let (before, after) = (host.status(), adopted.status());
         assert_eq!((after.own_events, after.trust, after.open_frames), (before.own_events, before.trust, 0));
@@ -534,14 +639,7 @@ fn recoveries_from_the_last_snapshot_use_no_counter_twice() {
         let mut snapshot: Option<Vec<u8>> = None;
         for cycle in 0..60 {
             let begin_s = 2.0 * SLOT_S * cycle as f64;
-            // Every event lies elsewhere, so that there is something to summarise.
-            let at = |east_m: f64| place(40.0 * east_m);
-            for time in [begin_s, begin_s + 6.0, begin_s + SLOT_S + 1.0, begin_s + 2.0 * SLOT_S - 1.0] {
-                let position = at((cycle % 17) as f64);
-                host.send(Input::Nav(Nav { time, clock_sigma: None, position, sigma: None, surfaced: false }));
-                let (member, position) = (VehicleId::new("bob"), at((cycle * 7 % 23) as f64));
-                host.send(Input::Peer(Peer { time, member, position, source: PeerSource::Other }));
-            }
+            host.miss_elsewhere(cycle);
             for output in host.vehicle.handle(Input::FrameRequest(FrameRequest { time: begin_s + 20.0, bytes: 32 })) {
                 match output {
                     Output::Base(_) if cycle >= fails_from => host.vehicle.snapshot_failed(),

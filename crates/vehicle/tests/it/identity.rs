@@ -3,7 +3,7 @@ use pingmap_vehicle::{Contents, Identity, Store, StoreError, adopt_store};
 use crate::common::{Place, identity};
 
 /// Appends the number of entries to a base.
-fn converted(contents: &Contents) -> Result<Vec<u8>, StoreError> {
+fn converted(_: &Identity, contents: &Contents) -> Result<Vec<u8>, StoreError> {
     let entries = format!(" and {} entry", contents.entries.len());
     Ok([contents.base.as_deref().unwrap_or_default(), entries.as_bytes()].concat())
 }

@@ -95,6 +95,6 @@ fn a_damaged_snapshot_is_refused_and_kept() {
     fs::write(&place.snapshot, &bytes).unwrap();
     let (_, opened) = open_or_recover(&place.store, &place.snapshot, &identity()).unwrap();
     let Opened::Recovered { snapshot: None, problem, .. } = opened else { panic!("{opened:?}") };
-    assert!(problem.contains("its snapshot cannot be read") && problem.contains("checksum"), "{problem}");
+    assert!(problem.contains("its snapshot is damaged: its checksum"), "{problem}");
     assert_eq!(fs::read(place.folder.path().join("auv1.snapshot.damaged-1")).unwrap(), bytes);
 }

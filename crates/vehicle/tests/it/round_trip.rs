@@ -99,7 +99,7 @@ fn an_open_store_is_locked() {
     let (store, _) = Store::open(&place.store, &identity()).unwrap();
     for error in [
         Store::open(&place.store, &identity()).map(drop).unwrap_err(),
-        pingmap_vehicle::adopt_store(&place.store, &identity(), |_| Ok::<_, StoreError>(Vec::new()))
+        pingmap_vehicle::adopt_store(&place.store, &identity(), |_, _| Ok::<_, StoreError>(Vec::new()))
             .map(drop)
             .unwrap_err(),
         inspect(&place.store).map(drop).unwrap_err(),
