@@ -47,7 +47,9 @@ fn learn_prints_every_candidate_and_writes_the_best() {
         folder.path(),
         &["learn", "events.csv", "--terms", "path", "--kernel", "matern32", "--overwrite"],
     ));
-    for expected in ["E: evidence bound", "leave-one-out", "range mean", "Matérn 3/2, ", "Chosen by"] {
+    for expected in
+        ["E: evidence bound", "leave-one-out", "range mean", "Matérn 3/2, ", "Matérn 3/2 *", "Rule: ", "standard error"]
+    {
         assert!(text.contains(expected), "{expected:?} is missing: {text}");
     }
 }

@@ -40,14 +40,18 @@ pub struct LearnJson<'a> {
     pub held_out_events: usize,
     /// Seed of all random numbers.
     pub seed: u64,
-    /// All candidates, the best first.
+    /// All candidates, that of the highest leave-one-out log predictive probability first.
     pub candidates: Vec<CandidateJson>,
+    /// Rule by which a candidate was chosen, in words.
+    pub rule: &'static str,
     /// The model that was written.
     pub model: ModelJson,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub struct CandidateJson {
+    /// Whether this candidate was chosen.
+    pub chosen: bool,
     #[serde(flatten)]
     pub model: ModelJson,
     /// Duration of learning in seconds.

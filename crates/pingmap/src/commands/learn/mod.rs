@@ -116,7 +116,8 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
                 training_events: training.len(),
                 held_out_events: held_out.len(),
                 seed: options.work.seed,
-                candidates: candidates.iter().map(Candidate::json).collect(),
+                candidates: candidates.iter().map(|candidate| candidate.json(&best)).collect(),
+                rule: RULE,
                 model: ModelJson::of(&best),
             },
         )?;
@@ -190,18 +191,25 @@ struct Candidate {
 }
 
 impl Candidate {
-    fn row(&self) -> Vec<String> {
+    /// Returns true if the model has the structure of this candidate.
+    fn is_chosen(&self, model: &LearnedModel) -> bool {
+        self.fit.structure == model.structure
+    }
+
+    fn row(&self, model: &LearnedModel) -> Vec<String> {
         let per_event = self.fit.evidence() / self.fit.events_used.max(1) as f64;
         let [kernel, inputs, direction, terms, mean] = self.fit.structure.parts();
         let first_word = |text: &str| text.split(' ').next().unwrap_or_default().to_owned();
+        let kernel = if self.is_chosen(model) { format!("{kernel} *") } else { kernel };
         let mut row = vec![kernel, first_word(&inputs), direction, terms, first_word(&mean)];
         row.extend([format!("{per_event:.4}"), format!("{:.4}", self.fit.leave_one_out())]);
         row.extend(self.held_out_nll.map(|nll| format!("{nll:.4}")));
         row
     }
 
-    fn json(&self) -> CandidateJson {
+    fn json(&self, model: &LearnedModel) -> CandidateJson {
         CandidateJson {
+            chosen: self.is_chosen(model),
             model: ModelJson::of(&self.fit),
             seconds: self.seconds,
             held_out_nll: self.held_out_nll,
@@ -238,6 +246,12 @@ fn held_out_nll(
     Ok(Score::new(&probabilities, &outcomes).map(|score| score.nll))
 }
 
+/// Rule by which a row of the table is chosen: [`LearnedModel::improves_on`] in words.
+const RULE: &str = "\
+Each term is tried in turn, and kept if it raises LOO by more than 0.001 nats and by more than one standard error. \
+Terms other than range and receiver's place must also raise the corrected evidence by twice as much; the time term \
+instead needs 1 nat of corrected evidence over all events.";
+
 fn text(candidates: &[Candidate], best: &LearnedModel, held_out: bool) -> String {
     let mut header = vec!["kernel", "inputs", "direction", "terms", "mean", "E", "LOO"];
     if held_out {
@@ -260,10 +274,10 @@ fn text(candidates: &[Candidate], best: &LearnedModel, held_out: bool) -> String
         counted(best),
     );
     format!(
-        "{}\n\nChosen by leave-one-out log predictive, learned from {}: {}\n{}\n{mean}\n{fading}\nE: evidence bound. LOO: leave-one-out log predictive. Both \
+        "{}\n\nRule: {RULE}\n\nChosen row (*), learned from {}: {}\n{}\n{mean}\n{fading}\nE: evidence bound. LOO: leave-one-out log predictive. Both \
          are in nats an event; higher is better. NLL: negative log-likelihood \
          of a held-out event in nats; lower is better.",
-        table(&header, &candidates.iter().map(Candidate::row).collect::<Vec<_>>()),
+        table(&header, &candidates.iter().map(|candidate| candidate.row(best)).collect::<Vec<_>>()),
         of_events(best.events_used, best.events, "event"),
         best.structure,
         terms.collect::<Vec<_>>().join("\n"),
