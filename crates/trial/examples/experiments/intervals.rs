@@ -13,8 +13,8 @@ use crate::arguments::LogFiles;
 use crate::statistics::{column_means, columns, mean};
 
 /// Coverage over all links, over the half with lower variance, over the half with higher variance; median width;
-/// interval score.
-type Row = [f64; 5];
+/// interval score. Then the share of links that a map does not hatch, and the share of these outside their interval.
+type Row = [f64; 7];
 
 const KINDS: [&str; 3] = ["mean field", "expectation propagation", "vehicles"];
 
@@ -26,12 +26,17 @@ const SPLITS: usize = 2;
 /// Quantile of the normal distribution for intervals of 90 %.
 const QUANTILE: f64 = 1.644_854;
 
+/// Widest interval that a map does not hatch.
+const HATCH_WIDTH: f64 = 0.5;
+
 /// Measures the coverage of 90 % intervals of the probability, learned from all training events.
 ///
 /// The program compares intervals of the mean field, of expectation propagation, and of vehicles, on held-out links of
 /// each trial: two splits of a log, or one split of a simulated trial. The table has the share of true probabilities
 /// within 0.01 of the interval: over all links, over the half with lower variance, and over the half with higher
-/// variance. Median width and mean interval score (width + 20 · distance outside, lower is better) follow.
+/// variance. Median width and mean interval score (width + 20 · distance outside, lower is better) follow. Maps do
+/// not hatch links whose interval is at most 0.5 wide. The last two columns are the share of these links, and the share
+/// of them whose true probability is not within 0.01 of the interval.
 ///
 /// The factor by which vehicles widen their intervals was chosen on bay3 and on simulated trials with seeds 1 to 20.
 /// The simulated trials here have other seeds.
@@ -79,7 +84,7 @@ impl Arguments {
         let trials = logs.chain(simulated).collect::<anyhow::Result<Vec<_>>>()?;
         let rows = trials.par_iter().map(Trial::measure).collect::<anyhow::Result<Vec<_>>>()?;
         let names = trials.iter().map(|trial| trial.name.as_str()).chain(["mean over trials"]);
-        writeln!(out, "                            all    low   high  width  score")?;
+        writeln!(out, "                            all    low   high  width  score   open    out")?;
         for (name, kinds) in names.zip(rows.iter().copied().chain([kind_means(&rows)])) {
             writeln!(out, "{name}")?;
             for (kind, row) in KINDS.iter().zip(kinds) {
@@ -126,8 +131,12 @@ fn row(intervals: &[(f64, f64)], truth: &[f64], variance: &[f64]) -> Row {
     let mut widths: Vec<f64> = intervals.iter().map(|(low, high)| high - low).collect();
     let off = |(&(low, high), &p): (&(f64, f64), &f64)| high - low + 20.0 * ((low - p).max(0.0) + (p - high).max(0.0));
     let score = mean(intervals.iter().zip(truth).map(off));
+    let open: Vec<usize> = order.iter().copied().filter(|&n| widths[n] <= HATCH_WIDTH).collect();
+    let outside = if open.is_empty() { 0.0 } else { 1.0 - share(&open) };
+    let open_share = open.len() as f64 / order.len().max(1) as f64;
     widths.sort_by(f64::total_cmp);
-    [share(&order), share(low), share(high), widths.get(widths.len() / 2).copied().unwrap_or(0.0), score]
+    let width = widths.get(widths.len() / 2).copied().unwrap_or(0.0);
+    [share(&order), share(low), share(high), width, score, open_share, outside]
 }
 
 #[cfg(test)]
@@ -139,8 +148,11 @@ mod tests {
         let intervals = [(0.1, 0.3), (0.4, 0.8), (0.0, 1.0), (0.5, 0.6)];
         let truth = [0.2, 0.805, 0.5, 0.3];
         // The second probability is within 0.01 of its interval. The fourth is 0.2 below its interval.
-        let [all, low, high, width, score] = row(&intervals, &truth, &[1.0, 2.0, 3.0, 4.0]);
+        let [all, low, high, width, score, open, outside] = row(&intervals, &truth, &[1.0, 2.0, 3.0, 4.0]);
         assert_eq!((all, low, high, width), (0.75, 1.0, 0.5, 0.4));
+        // Three intervals are narrow, and the fourth probability is outside one of them.
+        assert_eq!(open, 0.75);
+        assert!((outside - 1.0 / 3.0).abs() < 1e-12, "{outside}");
         assert!((score - (1.7 + 20.0 * (0.005 + 0.2)) / 4.0).abs() < 1e-12, "{score}");
     }
 }
