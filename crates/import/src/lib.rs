@@ -60,7 +60,7 @@ pub use model::parsed_file::{SentenceCounts, SkipCounts};
 pub use model::recording::{Arrival, Fix, Recording, Recordings, Reply, TransmissionRecord};
 pub use model::reference::{Place, Reference, ReferenceError};
 pub use model::schedule::Schedule;
-pub use model::time::{EpochUnit, TIME, TimeZone, parse_time, time_in_words};
+pub use model::time::{EpochUnit, TIME, TimeZone, date_in_words, parse_time, time_in_words};
 pub use model::utm_zone::UtmZone;
 pub use readers::event_table::{EventRecord, EventRecords};
 pub use readers::file_kind::{RecordKind, read_head};

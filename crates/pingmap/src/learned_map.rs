@@ -6,6 +6,7 @@ use std::sync::Arc;
 use pingmap_agent::{Agent, AgentOptions, Event, FitQuality, Limits, Model, Team, VehicleId, Which};
 use pingmap_trial::EventLog;
 
+use crate::data_extent::DataExtent;
 use crate::log::{only, thinned};
 use crate::model::{InputDigests, ModelAndFit, read_model};
 use crate::options::{QueryOptions, Source};
@@ -14,6 +15,8 @@ use crate::output::{note, spinner, warn};
 /// An event log that was read for a command.
 pub struct OpenedLog {
     log: EventLog,
+    /// Names of its files.
+    name: String,
     /// Digest of the whole log, including events that are not used.
     digest: String,
 }
@@ -29,8 +32,12 @@ impl Deref for OpenedLog {
 /// An event log, and the model and posterior learned from it.
 pub struct LearnedMap {
     pub log: EventLog,
+    /// Names of the files of the log.
+    pub name: String,
     digest: String,
     pub known: ModelAndFit,
+    /// Where the data end.
+    pub extent: DataExtent,
     /// An agent that recorded all events.
     pub agent: Agent,
 }
@@ -54,11 +61,12 @@ impl LearnedMap {
         if let Some(vehicle) = vehicle {
             log = only(&log, vehicle)?;
         }
-        Ok(OpenedLog { log: thinned(log, Vec::new(), work.events_max, work.seed).0, digest })
+        let name = logs.file_names();
+        Ok(OpenedLog { log: thinned(log, Vec::new(), work.events_max, work.seed).0, name, digest })
     }
 
     /// Learns from a log that [`LearnedMap::open`] returned.
-    pub fn learn(OpenedLog { log, digest }: OpenedLog, source: &Source) -> anyhow::Result<Self> {
+    pub fn learn(OpenedLog { log, name, digest }: OpenedLog, source: &Source) -> anyhow::Result<Self> {
         let Source { model, work, .. } = source;
         let known = ModelAndFit::new(model.path(), &log, work.limits())?;
         let bar = spinner("fitting");
@@ -68,7 +76,8 @@ impl LearnedMap {
         let status = agent.status();
         status.fit.iter().for_each(warn_of_quality);
         note(known.describe(log.events.len(), status.is_dense));
-        Ok(Self { log, digest, known, agent })
+        let extent = DataExtent::of(&log.events, known.model.site.iter().flat_map(|site| site.links()));
+        Ok(Self { log, name, digest, known, extent, agent })
     }
 
     /// Sets whether predictions beyond the longest observed link are capped.

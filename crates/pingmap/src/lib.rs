@@ -29,6 +29,8 @@ mod options;
 mod model;
 mod team;
 mod tracks;
+mod answer;
+mod data_extent;
 mod learned_map;
 mod area;
 mod success_map;

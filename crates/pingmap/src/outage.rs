@@ -170,7 +170,9 @@ mod tests {
         let p = 0.3_f64;
         let at = [Position::new(0.0, 0.0)];
         let attempt = |link| LinkQuery::from(link);
+        let extent = &crate::data_extent::DataExtent::of(&[], []);
         let query = MapQuery {
+            extent,
             at: &at,
             seen: crate::cli_enums::Seen::Rx,
             join: Join::All,

@@ -31,18 +31,20 @@ impl Page {
         let _ = writeln!(self.html, "<p class=\"conclusion\">{}</p>", escape(text));
     }
 
-    /// Adds a table. A table wider than the page gets a scroll bar of its own.
+    /// Adds a table. On a narrow page each row becomes a list with the names of the columns.
     pub fn table(&mut self, header: &[impl AsRef<str>], rows: &[Vec<String>]) {
         let head: String =
             header.iter().map(|cell| format!("<th scope=\"col\">{}</th>", escape(cell.as_ref()))).collect();
         let row = |row: &Vec<String>| {
-            let cells = row.iter().map(|cell| format!("<td>{}</td>", escape(cell)));
+            let cells = header.iter().zip(row);
+            let cells =
+                cells.map(|(name, cell)| format!("<td data-name=\"{}\">{}</td>", escape(name.as_ref()), escape(cell)));
             format!("<tr>{}</tr>\n", cells.collect::<String>())
         };
         let body: String = rows.iter().map(row).collect();
         let _ = writeln!(
             self.html,
-            "<div class=\"scroll\" tabindex=\"0\"><table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}</tbody></table></div>"
+            "<table class=\"rows\">\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}</tbody></table>"
         );
     }
 
@@ -51,11 +53,7 @@ impl Page {
         let rows = facts
             .iter()
             .map(|(name, fact)| format!("<tr><th scope=\"row\">{}</th><td>{}</td></tr>\n", escape(name), escape(fact)));
-        let _ = writeln!(
-            self.html,
-            "<div class=\"scroll\" tabindex=\"0\"><table class=\"facts\"><tbody>\n{}</tbody></table></div>",
-            rows.collect::<String>()
-        );
+        let _ = writeln!(self.html, "<table class=\"facts\"><tbody>\n{}</tbody></table>", rows.collect::<String>());
     }
 
     /// Adds a figure with a caption, which is also its text alternative.
@@ -93,8 +91,8 @@ fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// Colours follow the reader's device, light or dark; figures keep a white background. Wide tables scroll. In print no
-/// figure or row is divided between pages.
+/// Colours follow the reader's device, light or dark; figures keep a white background. On a narrow page the rows of
+/// tables become lists. In print no figure or row is divided between pages.
 const HEAD: &str = "<!DOCTYPE html>
 <html lang=\"en\">
 <head>
@@ -110,23 +108,26 @@ p, figcaption { max-width: 62rem; }
 h1 { font-size: 1.6rem; line-height: 1.25; }
 h2 { font-size: 1.25rem; margin-top: 2.2rem; }
 .conclusion { font-size: 1.1rem; padding: .8rem 1rem; background: var(--stress); border-left: 4px solid #0571b0; }
-.scroll { overflow-x: auto; margin: 1rem 0; }
-table { border-collapse: collapse; overflow-wrap: normal; font-size: .92rem; }
-th, td { padding: .25rem .6rem; text-align: right; border-bottom: 1px solid var(--line); font-variant-numeric: tabular-nums; white-space: nowrap; }
+table { border-collapse: collapse; font-size: .92rem; margin: 1rem 0; max-width: 100%; }
+.rows { overflow-wrap: normal; }
+th, td { padding: .25rem .6rem; text-align: right; border-bottom: 1px solid var(--line); font-variant-numeric: tabular-nums; vertical-align: top; }
 th:first-child, td:first-child { text-align: left; }
-.facts td { text-align: left; white-space: normal; overflow-wrap: anywhere; }
-.facts th { vertical-align: top; }
+.facts td { text-align: left; overflow-wrap: anywhere; }
+@media screen and (max-width: 72rem) {
+  .rows thead { display: none; }
+  .rows tr { display: block; padding: .4rem 0; border-bottom: 1px solid var(--line); }
+  .rows td { display: flex; justify-content: space-between; gap: 1rem; padding: .1rem 0; border: 0; overflow-wrap: anywhere; }
+  .rows td::before { content: attr(data-name); text-align: left; }
+}
 figure { margin: 1rem 0; }
-figure svg { display: block; max-width: 100%; height: auto; background: #fff; }
+figure svg { display: block; width: 36rem; max-width: 100%; height: auto; background: #fff; }
 figcaption { font-size: .9rem; margin-top: .4rem; }
 @page { margin: 15mm; }
 @media print {
   :root { --ink: #000; --paper: #fff; --line: #999; --stress: #fff; }
   body { max-width: none; margin: 0; padding: 0; font-size: 10pt; }
-  .scroll { overflow: visible; }
   table { font-size: 7.5pt; }
   th, td { padding: .15rem .35rem; }
-  th { white-space: normal; }
   figure, tr, .conclusion { break-inside: avoid; }
   figure svg { max-height: 200mm; }
   h2 { break-after: avoid; }

@@ -2,6 +2,7 @@
 
 use pingmap_agent::{Agent, Position};
 
+use crate::answer::Answer;
 use crate::success_map::{Cell, MapQuery, predicted};
 
 /// The range with sufficient probability on one bearing.
@@ -11,8 +12,14 @@ pub struct Ray {
     pub bearing_deg: f64,
     /// The probability is sufficient up to this range. At most the largest range that was tested.
     pub range_m: f64,
-    /// The lower end of the probability's interval is sufficient up to this range.
+    /// The lower end of the probability's interval is sufficient up to this range: the answer is yes.
     pub range_lower_m: f64,
+    /// The upper end of the interval is insufficient beyond this range: the answer is no.
+    pub range_upper_m: f64,
+    /// The answer next to the place.
+    pub nearest: Answer,
+    /// Distance of the farthest position with data within 15 degrees of the bearing.
+    pub data_m: f64,
 }
 
 /// Number of bearings.
@@ -22,6 +29,11 @@ pub const BEARINGS: usize = 72;
 const STEPS: usize = 150;
 
 impl Ray {
+    /// Returns a ray on which no range is sufficient.
+    fn none(bearing_deg: f64, data_m: f64) -> Self {
+        Self { bearing_deg, range_m: 0.0, range_lower_m: 0.0, range_upper_m: 0.0, nearest: Answer::No, data_m }
+    }
+
     /// Returns the position on this bearing at this range.
     pub fn place(&self, from: Position, range_m: f64) -> (f64, f64) {
         let (sin, cos) = self.bearing_deg.to_radians().sin_cos();
@@ -41,7 +53,8 @@ pub fn standoff(
     let mut rays = Vec::with_capacity(BEARINGS);
     for n in 0..BEARINGS {
         let bearing_deg = n as f64 * 360.0 / BEARINGS as f64;
-        let ray = Ray { bearing_deg, range_m: 0.0, range_lower_m: 0.0 };
+        let data_m = query.extent.farthest_towards_m(&from, bearing_deg);
+        let ray = Ray::none(bearing_deg, data_m);
         let place = |step: usize| {
             let (east_m, north_m) = ray.place(from, step as f64 * step_m);
             Position { depth_m: query.depth_m, ..Position::new(east_m, north_m) }
@@ -52,7 +65,14 @@ pub fn standoff(
             let values: Vec<f64> = cells.iter().map(of).collect();
             first_below(&values, probability) * step_m
         };
-        rays.push(Ray { range_m: up_to(|cell| cell.probability), range_lower_m: up_to(|cell| cell.lower), ..ray });
+        let upper: Vec<f64> = cells.iter().map(|cell| cell.upper).collect();
+        rays.push(Ray {
+            range_m: up_to(|cell| cell.probability),
+            range_lower_m: up_to(|cell| cell.lower),
+            range_upper_m: last_above(&upper, probability) * step_m,
+            nearest: cells[1].answer(probability),
+            ..ray
+        });
     }
     Ok(rays)
 }
@@ -66,6 +86,12 @@ fn first_below(values: &[f64], level: f64) -> f64 {
     }
 }
 
+/// Returns the last crossing below a level, in steps; 0 if no value reaches the level.
+fn last_above(values: &[f64], level: f64) -> f64 {
+    let reversed: Vec<f64> = values.iter().rev().map(|value| -value).collect();
+    (values.len() - 1) as f64 - first_below(&reversed, f64::next_up(-level))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -74,11 +100,14 @@ mod tests {
     fn the_line_is_where_values_first_fall_below_the_level() {
         assert_eq!(first_below(&[0.95, 0.92, 0.88, 0.99], 0.9), 1.5);
         assert_eq!((first_below(&[0.5, 0.99], 0.9), first_below(&[0.95, 0.9], 0.9)), (0.0, 1.0));
+        let last = last_above(&[0.95, 0.85, 0.92, 0.88, 0.1], 0.9);
+        assert!((last - 2.5).abs() < 1e-9, "{last}");
+        assert_eq!((last_above(&[0.5, 0.4], 0.9), last_above(&[0.5, 0.9], 0.9)), (0.0, 1.0));
     }
 
     #[test]
     fn bearings_run_from_north_over_east() {
-        let ray = |bearing_deg| Ray { bearing_deg, range_m: 0.0, range_lower_m: 0.0 };
+        let ray = |bearing_deg| Ray::none(bearing_deg, 0.0);
         let (east, north) = ray(90.0).place(Position::new(10.0, 20.0), 5.0);
         assert!((east - 15.0).abs() < 1e-12 && (north - 20.0).abs() < 1e-12);
         let (east, north) = ray(0.0).place(Position::new(10.0, 20.0), 5.0);

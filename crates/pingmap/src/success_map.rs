@@ -6,15 +6,17 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
+use crate::answer::Answer;
 use crate::area::Area;
 use crate::cli_enums::{Join, Seen};
+use crate::data_extent::DataExtent;
 use crate::output::BadInput;
 
 /// Default levels of the contours.
 pub const LEVELS: [f64; 2] = [0.5, 0.9];
 
-/// The map hatches a cell if the data explain less than this share of the variance of its log-odds.
-pub const LITTLE_KNOWN: f64 = 1.0 / 3.0;
+/// A map hatches cells whose interval is wider than this, unless an option gives another width.
+pub const HATCH_WIDTH: f64 = 0.5;
 
 /// Functions drawn to estimate the correlation between links.
 const DRAWS: usize = 256;
@@ -33,6 +35,8 @@ pub struct MapQuery<'a> {
     pub depth_m: Option<f64>,
     /// Heading of the vehicle in the cells; if not given, the mean over headings counts.
     pub heading_deg: Option<f64>,
+    /// Where the data end.
+    pub extent: &'a DataExtent,
     /// Returns the query for a link.
     pub attempt: &'a dyn Fn(Link) -> LinkQuery,
 }
@@ -52,6 +56,11 @@ impl Cell {
     /// Returns the width of the interval.
     pub fn width(&self) -> f64 {
         self.upper - self.lower
+    }
+
+    /// Returns the answer to the question whether the probability reaches the required one.
+    pub fn answer(&self, required: f64) -> Answer {
+        Answer::of((self.lower, self.upper), required)
     }
 }
 
@@ -77,6 +86,34 @@ impl Side {
         let mut widths = self.values(Cell::width);
         widths.sort_by(f64::total_cmp);
         widths[widths.len() / 2]
+    }
+}
+
+/// Distances from the positions of a map at which a required probability is reached, and is not reached.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reach {
+    pub required: f64,
+    /// The answer is yes in all cells within this distance. 0 if there is no such distance, or no cell of the map is
+    /// near the positions.
+    pub yes_within_m: f64,
+    /// The answer is no in all cells beyond this distance; `None` if it is not no at the edge of the map.
+    pub no_beyond_m: Option<f64>,
+}
+
+impl Reach {
+    /// Returns the distances in a sentence.
+    pub fn sentence(&self) -> String {
+        let Self { required, yes_within_m, no_beyond_m } = *self;
+        let beyond = no_beyond_m.map(|range_m| format!("nowhere beyond {range_m:.0} m"));
+        match (yes_within_m > 0.0, no_beyond_m) {
+            (_, Some(0.0)) => format!("Heard with {required} nowhere on this map."),
+            (true, Some(_)) => {
+                format!("Heard with {required} within {yes_within_m:.0} m, {}.", beyond.unwrap_or_default())
+            }
+            (true, None) => format!("Heard with {required} within {yes_within_m:.0} m; not known beyond."),
+            (false, Some(_)) => format!("Heard with {required}: range not known, {}.", beyond.unwrap_or_default()),
+            (false, None) => format!("Heard with {required}: range not known."),
+        }
     }
 }
 
@@ -115,6 +152,34 @@ impl SuccessMap {
         }
         Ok(Self { area, at: query.at.to_vec(), join: query.join, sides })
     }
+
+    /// Returns the distances from the nearest position at which cells reach the required probability.
+    pub fn reach(&self, side: &Side, required: f64) -> Reach {
+        // A cell extends beyond its middle.
+        let half_m = self.area.cell_m * std::f64::consts::FRAC_1_SQRT_2;
+        let ranges = side.cells.iter().enumerate().map(|(n, cell)| {
+            let (x, y) = self.area.middle(n);
+            let range = |at: &Position| (at.east_m - x).hypot(at.north_m - y);
+            (self.at.iter().map(range).fold(f64::INFINITY, f64::min), cell.answer(required))
+        });
+        let (mut first_m, mut yes_within_m, mut no_beyond_m, mut last_m) =
+            (f64::INFINITY, f64::INFINITY, 0.0_f64, 0.0_f64);
+        for (range_m, answer) in ranges {
+            (first_m, last_m) = (first_m.min(range_m), last_m.max(range_m));
+            if answer != Answer::Yes {
+                yes_within_m = yes_within_m.min(range_m - half_m);
+            }
+            if answer != Answer::No {
+                no_beyond_m = no_beyond_m.max(range_m + half_m);
+            }
+        }
+        let is_near = first_m <= half_m && yes_within_m > half_m;
+        Reach {
+            required,
+            yes_within_m: if is_near { yes_within_m.min(last_m) } else { 0.0 },
+            no_beyond_m: Some(no_beyond_m).filter(|range_m| *range_m < last_m),
+        }
+    }
 }
 
 /// Predicts links between the queried positions and each of `middles`.
@@ -148,11 +213,12 @@ pub fn from_one(
     let mut attempts = |link: &dyn Fn(Position) -> Link| -> anyhow::Result<Vec<(Cell, LinkQuery)>> {
         let attempts: Vec<LinkQuery> = middles.iter().map(|&middle| (query.attempt)(link(middle))).collect();
         let predictions = agent.predict_intervals(attempts.iter().copied())?;
-        let cell = |Prediction { probability, explained, interval, .. }| {
-            let (lower, upper) = interval.map_or((probability, probability), |ends| (ends.low, ends.high));
-            Cell { probability, lower, upper, explained }
+        let cell = |(Prediction { probability, explained, interval, .. }, attempt): (Prediction, LinkQuery)| {
+            let ends = interval.map_or((probability, probability), |ends| (ends.low, ends.high));
+            let (lower, upper) = query.extent.interval(&attempt.link, ends);
+            (Cell { probability, lower, upper, explained }, attempt)
         };
-        Ok(predictions.into_iter().map(cell).zip(attempts).collect())
+        Ok(predictions.into_iter().zip(attempts).map(cell).collect())
     };
     let from = |middle| Link { transmitter: at, receiver: middle };
     let to = |middle| Link { transmitter: middle, receiver: at };

@@ -127,11 +127,17 @@ fn day_first(text: &str) -> Option<DateTime> {
 
 /// Formats a time as a date and time beyond 10⁸ s (March 1973), else in seconds.
 pub fn time_in_words(time_s: f64) -> String {
+    utc(time_s).map_or_else(|| format!("{time_s:.1} s"), |stamp| stamp.to_string())
+}
+
+/// Returns the date in UTC of a time beyond 10⁸ s (March 1973). Other times are not times of day.
+pub fn date_in_words(time_s: f64) -> Option<String> {
+    utc(time_s).map(|stamp| stamp.strftime("%Y-%m-%d").to_string())
+}
+
+fn utc(time_s: f64) -> Option<Timestamp> {
     let nanoseconds = (time_s * 1e3).round() as i128 * 1_000_000;
-    match Timestamp::from_nanosecond(nanoseconds) {
-        Ok(stamp) if time_s.abs() > 1e8 => stamp.to_string(),
-        _ => format!("{time_s:.1} s"),
-    }
+    Timestamp::from_nanosecond(nanoseconds).ok().filter(|_| time_s.abs() > 1e8)
 }
 
 #[cfg(test)]
@@ -195,6 +201,8 @@ mod tests {
     fn formatted_times_are_parsed_back() {
         assert_eq!(time_in_words(1_777_809_600.25), "2026-05-03T12:00:00.25Z");
         assert_eq!(time_in_words(-3.0), "-3.0 s");
+        assert_eq!(date_in_words(1_777_809_600.25).as_deref(), Some("2026-05-03"));
+        assert_eq!(date_in_words(3.0), None);
         assert_eq!(parse_time(&time_in_words(1_777_809_600.25)), Some(1_777_809_600.25));
     }
 }

@@ -20,7 +20,7 @@ use crate::options::{QueryOptions, RESULT, Source};
 use crate::output::{BadInput, Results, note, print_json, spinner, warn};
 use crate::output_target::{Overwrite, STANDARD_OUTPUT, ending, picture};
 use crate::reference::{PlaceJson, position, positions, reference};
-use crate::success_map::{LEVELS, LITTLE_KNOWN, MapQuery, Side, SuccessMap};
+use crate::success_map::{HATCH_WIDTH, LEVELS, MapQuery, Reach, Side, SuccessMap};
 
 /// Draw the probability of success seen from one position, or from several
 #[derive(Args)]
@@ -88,7 +88,10 @@ pub struct Drawing {
     /// Quantities that the colours show, one picture for each, stacked
     #[arg(long, value_enum, value_delimiter = ',', default_value = "probability")]
     pub layers: Vec<Layer>,
-    /// Draw the events of the log, heard and missed
+    /// Hatch cells whose 90 % interval is wider than this: there the probability is not known
+    #[arg(long, value_name = "WIDTH", value_parser = open_share, default_value_t = HATCH_WIDTH)]
+    pub hatch_width: f64,
+    /// Draw the events sent from near the position, heard and missed; near the receiver with --as rx
     #[arg(long)]
     pub with_events: bool,
     /// Title above the picture
@@ -149,11 +152,16 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
         warn("--heading changes nothing: the model has no aspect term of the vehicle in the cells");
     }
     let heading_deg = view.heading;
-    let query = MapQuery { at: &at, seen: view.seen, join: view.join, depth_m, heading_deg, attempt: &attempt };
+    let extent = &learned_map.extent;
+    at.iter().filter(|at| extent.is_far(at)).for_each(|at| warn(format_args!("--at: {}", extent.sentence(at))));
+    let query = MapQuery { at: &at, seen: view.seen, join: view.join, depth_m, heading_deg, extent, attempt: &attempt };
     let map = SuccessMap::new(&mut learned_map.agent, area, &query)?;
     let bytes = bytes(format, &map, &learned_map, &reference, drawing)?;
     bar.finish_and_clear();
     let written = target.write(&bytes, results);
+    if let (Some(&required), [side]) = (drawing.levels.last(), &map.sides[..]) {
+        note(map.reach(side, required).sentence());
+    }
     if written.is_ok() {
         note(format_args!("wrote {}", options.output.display()));
         if has_aspects && heading_deg.is_none() {
@@ -189,12 +197,22 @@ fn bytes(
     reference: &Reference,
     drawing: &Drawing,
 ) -> anyhow::Result<Vec<u8>> {
-    let &Drawing { ref levels, ref layers, ref title, with_events, width_mm } = drawing;
+    let &Drawing { ref levels, ref layers, ref title, with_events, hatch_width, width_mm } = drawing;
     let events = &learned_map.log.events;
     let known = Some(reference).filter(|reference| reference.system().is_known());
-    let content =
-        FigureContent { events, levels, layers, title: title.as_deref(), reference: known, with_events, lines: &[] };
-    let export = Export { map, events, reference, levels };
+    let content = FigureContent {
+        events,
+        log: &learned_map.name,
+        levels,
+        layers,
+        title: title.as_deref(),
+        sentence: None,
+        reference: known,
+        with_events,
+        hatch_width,
+        lines: &[],
+    };
+    let export = Export { map, events, reference, levels, hatch_width };
     match format {
         Format::Picture(image) => Figure::fitted(width_mm, |room| figure(map, &content, room)).file(image, width_mm),
         Format::Csv => exports::csv(&export),
@@ -243,13 +261,12 @@ pub struct MapJson<'a> {
     east_m: [f64; 2],
     /// Southern and northern edge of the map in metres.
     north_m: [f64; 2],
-    /// Share of the area above each level, for the first side. `interval_width` and `share_little_known` are also for
-    /// the first side.
+    /// Share of the area above each level, for the first side. `interval_width` is also for the first side.
     share_above: Vec<ShareAbove>,
     /// Median width of the cells' 90 % intervals.
     interval_width: f64,
-    /// Share of the area in which the data say little beyond the prior.
-    share_little_known: f64,
+    /// Width of a 90 % interval beyond which a cell is hatched, because its probability is not known.
+    hatch_width: f64,
     /// All sides of the map.
     sides: Vec<SideJson>,
 }
@@ -265,8 +282,10 @@ pub struct SideJson {
     share_above: Vec<ShareAbove>,
     /// Median width of the cells' 90 % intervals.
     interval_width: f64,
-    /// Share of the area in which the data say little beyond the prior.
-    share_little_known: f64,
+    /// Share of the area that is hatched.
+    share_not_known: f64,
+    /// Distances at which the highest level is reached.
+    reach: ReachJson,
 }
 
 /// Share of the area in which the probability is at least a level.
@@ -278,26 +297,42 @@ struct ShareAbove {
     share: f64,
 }
 
+/// Distances from the nearest of the positions at which a probability is reached.
+#[derive(Serialize, JsonSchema)]
+struct ReachJson {
+    /// The probability.
+    probability: f64,
+    /// The lower end of the interval reaches the probability in all cells within this distance. 0 if there is no such
+    /// distance.
+    yes_within_m: f64,
+    /// The upper end of the interval is below the probability in all cells beyond this distance; null if the map does
+    /// not extend so far.
+    no_beyond_m: Option<f64>,
+}
+
 impl SideJson {
-    fn of(side: &Side, levels: &[f64]) -> Self {
+    fn of(map: &SuccessMap, side: &Side, drawing: &Drawing) -> Self {
+        let levels = &drawing.levels;
+        let required = levels.last().copied().unwrap_or(LEVELS[1]);
+        let Reach { required: probability, yes_within_m, no_beyond_m } = map.reach(side, required);
         let share =
             |&level: &f64| ShareAbove { probability: level, share: side.share(|cell| cell.probability >= level) };
         Self {
             seen: name_of(&side.seen),
             share_above: levels.iter().map(share).collect(),
             interval_width: side.interval_width(),
-            share_little_known: side.share(|cell| cell.explained < LITTLE_KNOWN),
+            share_not_known: side.share(|cell| cell.width() > drawing.hatch_width),
+            reach: ReachJson { probability, yes_within_m, no_beyond_m },
         }
     }
 }
 
 impl<'a> MapJson<'a> {
     fn of(options: &'a Options, learned_map: &LearnedMap, map: &SuccessMap, reference: &Reference) -> Self {
-        let levels = &options.drawing.levels;
-        let SideJson { share_above, interval_width, share_little_known, .. } = SideJson::of(&map.sides[0], levels);
+        let SideJson { share_above, interval_width, .. } = SideJson::of(map, &map.sides[0], &options.drawing);
         let area = &map.area;
         Self {
-            schema: 1,
+            schema: 2,
             digests: learned_map.digests(),
             file: &options.output,
             at: [map.at[0].east_m, map.at[0].north_m],
@@ -316,8 +351,8 @@ impl<'a> MapJson<'a> {
             north_m: area.north.into(),
             share_above,
             interval_width,
-            share_little_known,
-            sides: map.sides.iter().map(|side| SideJson::of(side, levels)).collect(),
+            hatch_width: options.drawing.hatch_width,
+            sides: map.sides.iter().map(|side| SideJson::of(map, side, &options.drawing)).collect(),
         }
     }
 }

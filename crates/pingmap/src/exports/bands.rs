@@ -6,7 +6,7 @@ use geo_types::{LineString, MultiPolygon};
 
 use super::antimeridian::cut_areas;
 use super::export::Export;
-use crate::success_map::Side;
+use crate::success_map::{Cell, Side};
 
 /// An area with a probability between two levels, in degrees. Outer rings run counter-clockwise, holes clockwise.
 pub(super) struct Band {
@@ -17,18 +17,28 @@ pub(super) struct Band {
 
 /// Returns the non-empty bands of a side, the least probable first.
 pub(super) fn bands(export: &Export, side: &Side) -> anyhow::Result<Vec<Band>> {
-    let area = &export.map.area;
     let mut limits = vec![0.0];
     limits.extend(export.levels);
     // Probability 1 belongs to the last band, so the upper limit of that band is above 1.
     limits.push(1.0 + 1e-9);
+    between(export, &side.values(|cell| cell.probability), &limits)
+}
+
+/// Returns the area in which the probability is not known, if there is any.
+pub(super) fn not_known(export: &Export, side: &Side) -> anyhow::Result<Option<Band>> {
+    Ok(between(export, &side.values(Cell::width), &[export.hatch_width, 1.0 + 1e-9])?.pop())
+}
+
+/// Returns the non-empty areas between successive limits of the cells' values.
+fn between(export: &Export, values: &[f64], limits: &[f64]) -> anyhow::Result<Vec<Band>> {
+    let area = &export.map.area;
     // Rings run between the centres of cells, and half a cell farther out at the edge of the map.
     let builder = ContourBuilder::new(area.columns, area.rows, true)
         .x_origin(area.east.0)
         .y_origin(area.north.0)
         .x_step(area.cell_m)
         .y_step(area.cell_m);
-    let found = builder.isobands(&side.values(|cell| cell.probability), &limits).context("areas of a map")?;
+    let found = builder.isobands(values, limits).context("areas of a map")?;
     let mut bands = Vec::new();
     for band in found {
         let (mut polygons, from, to) = band.into_inner();
@@ -49,6 +59,10 @@ pub(super) fn bands(export: &Export, side: &Side) -> anyhow::Result<Vec<Band>> {
     }
     Ok(bands)
 }
+
+/// The quantities that have contours, with their names in files.
+pub(super) const CONTOURED: [(&str, fn(&Cell) -> f64); 3] =
+    [("probability", |cell| cell.probability), ("lower", |cell| cell.lower), ("upper", |cell| cell.upper)];
 
 /// Converts a ring to degrees and orients it: counter-clockwise for a positive sign.
 fn turned(export: &Export, ring: &mut LineString<f64>, sign: f64) -> anyhow::Result<()> {

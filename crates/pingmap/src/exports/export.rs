@@ -18,6 +18,8 @@ pub struct Export<'a> {
     pub reference: &'a Reference,
     /// Levels between which areas are filled.
     pub levels: &'a [f64],
+    /// The probability is not known where its interval is wider than this.
+    pub hatch_width: f64,
 }
 
 impl Export<'_> {
@@ -29,6 +31,12 @@ impl Export<'_> {
     /// Converts a line to latitudes and longitudes, and cuts it at the antimeridian.
     pub(super) fn lines(&self, points: &[Point]) -> anyhow::Result<Vec<Vec<Coord<f64>>>> {
         Ok(cut_line(coords(self.reference, points)?))
+    }
+
+    /// Returns the contour lines of the cells' values at a level, as [`Export::lines`] does.
+    pub(super) fn contour(&self, values: &[f64], level: f64) -> anyhow::Result<Vec<Vec<Coord<f64>>>> {
+        let lines = self.map.area.grid(values).contour_lines(level);
+        Ok(lines.iter().map(|points| self.lines(points)).collect::<anyhow::Result<Vec<_>>>()?.concat())
     }
 
     pub(super) fn has_degrees(&self) -> bool {

@@ -4,12 +4,13 @@ use geo_types::Coord;
 use geojson::{Feature, FeatureCollection, Geometry, GeometryValue, JsonObject};
 use serde_json::{Value, json};
 
-use super::bands::bands;
+use super::bands::{CONTOURED, bands, not_known};
 use super::export::Export;
 use crate::cli_enums::name_of;
 use crate::tracks::tracks;
 
-/// Returns areas between levels, contours, tracks and the positions that the map is seen from.
+/// Returns areas between levels, the area in which the probability is not known, and contours of the probability and of
+/// both ends of its interval. Tracks and the positions that the map is seen from follow.
 pub fn geojson(export: &Export) -> anyhow::Result<Vec<u8>> {
     let map = export.map;
     let mut features = Vec::new();
@@ -24,13 +25,18 @@ pub fn geojson(export: &Export) -> anyhow::Result<Vec<u8>> {
             ];
             features.push(feature("area", properties, GeometryValue::from(&band.polygons)));
         }
-        let values = side.values(|cell| cell.probability);
-        for &level in export.levels {
-            let lines = map.area.grid(&values).contour_lines(level);
-            let lines = lines.iter().map(|points| export.lines(points)).collect::<anyhow::Result<Vec<_>>>()?;
-            let coordinates = lines.iter().flatten().map(|line| positions(line)).collect();
-            let properties = [("probability", json!(level)), ("seen_as", json!(seen)), ("as", json!(seen))];
-            features.push(feature("contour", properties, GeometryValue::MultiLineString { coordinates }));
+        if let Some(band) = not_known(export, side)? {
+            let properties = [("interval_wider_than", json!(band.from)), ("seen_as", json!(seen)), ("as", json!(seen))];
+            features.push(feature("not_known", properties, GeometryValue::from(&band.polygons)));
+        }
+        for (by, of) in CONTOURED {
+            for &level in export.levels {
+                let lines = export.contour(&side.values(of), level)?;
+                let coordinates = lines.iter().map(|line| positions(line)).collect();
+                let properties =
+                    [("probability", json!(level)), ("by", json!(by)), ("seen_as", json!(seen)), ("as", json!(seen))];
+                features.push(feature("contour", properties, GeometryValue::MultiLineString { coordinates }));
+            }
         }
     }
     for (id, points) in tracks(export.events) {

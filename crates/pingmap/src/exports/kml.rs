@@ -9,24 +9,37 @@ use pingmap_import::Reference;
 use serde_json::Value;
 
 use super::antimeridian::{cut_area, cut_line};
-use super::bands::{Band, bands};
+use super::bands::{Band, CONTOURED, bands, not_known};
 use super::export::{Export, coords};
 use super::lines::{Line, Shape, area};
 use crate::cli_enums::name_of;
-use crate::figure::shade;
+use crate::figure::{Palette, shade};
 use crate::tracks::tracks;
 
-/// Returns areas between levels, tracks and the positions that the map is seen from.
+/// Returns areas between levels, the area in which the probability is not known, and contours. Tracks and the positions
+/// that the map is seen from follow.
 pub fn kml(export: &Export) -> anyhow::Result<Vec<u8>> {
     let map = export.map;
-    let (mut styles, mut folders) = (Vec::new(), Vec::new());
+    let (mut styles, mut folders) = (vec![Kml::Style(white_over_areas())], Vec::new());
     for side in &map.sides {
         let seen = name_of(&side.seen);
         let mut elements = Vec::new();
         for (n, band) in bands(export, side)?.into_iter().enumerate() {
             let id = format!("{seen}-{n}");
             styles.push(Kml::Style(filled(&id, (band.from + band.to) / 2.0)));
-            elements.push(Kml::Placemark(band_area(&id, &band)));
+            elements.push(Kml::Placemark(band_area(&id, format!("{} to {}", band.from, band.to), &band)));
+        }
+        if let Some(band) = not_known(export, side)? {
+            let name = format!("not known: interval wider than {}", band.from);
+            elements.push(Kml::Placemark(band_area(NOT_KNOWN, name, &band)));
+        }
+        for (by, of) in CONTOURED {
+            for &level in export.levels {
+                let lines = export.contour(&side.values(of), level)?;
+                if !lines.is_empty() {
+                    elements.push(Kml::Placemark(placemark(format!("{level} by {by}"), line_geometry(&lines))));
+                }
+            }
         }
         folders.push(folder(format!("Probability of success, seen as {seen}"), elements));
     }
@@ -105,7 +118,7 @@ fn placemark(name: String, geometry: Geometry) -> Placemark {
 /// Returns the style of an area: the colour of its probability, partly transparent. Colours are opacity, blue, green,
 /// red.
 fn filled(id: &str, probability: f64) -> Style {
-    let (red, green, blue) = shade(probability);
+    let (red, green, blue) = shade(probability, Palette::BlueToYellow);
     let color = |opacity: u8| format!("{opacity:02x}{blue:02x}{green:02x}{red:02x}");
     Style {
         id: Some(id.to_owned()),
@@ -115,11 +128,24 @@ fn filled(id: &str, probability: f64) -> Style {
     }
 }
 
-fn band_area(style: &str, band: &Band) -> Placemark {
+/// Name of the style of areas in which the probability is not known.
+const NOT_KNOWN: &str = "not-known";
+
+/// Returns the style of these areas: white, more opaque than the areas below.
+fn white_over_areas() -> Style {
+    Style {
+        id: Some(NOT_KNOWN.to_owned()),
+        line: Some(LineStyle { color: "ff000000".into(), width: 1.0, ..LineStyle::default() }),
+        poly: Some(PolyStyle { color: "b0ffffff".into(), ..PolyStyle::default() }),
+        ..Style::default()
+    }
+}
+
+fn band_area(style: &str, name: String, band: &Band) -> Placemark {
     let geometry = area_geometry(&band.polygons.0);
     // KML requires the style before the shape, but the crate's own field writes the style after it.
     let style_url = Element { name: "styleUrl".into(), content: Some(format!("#{style}")), ..Element::default() };
-    Placemark { children: vec![style_url], ..placemark(format!("{} to {}", band.from, band.to), geometry) }
+    Placemark { children: vec![style_url], ..placemark(name, geometry) }
 }
 
 /// Returns the geometry of an area that was cut into parts.

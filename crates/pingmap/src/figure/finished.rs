@@ -18,6 +18,9 @@ const DOTS_PER_INCH: f64 = 300.0;
 /// Smaller maps have their legend below instead of at the right.
 const SIDE_NARROW: f64 = 340.0;
 
+/// A side of a map at which the width of its figure is measured.
+const SIDE_LARGE: f64 = 640.0;
+
 /// Smallest side of a map. If the figure must be smaller, it is scaled with its letters.
 const SIDE_MIN: f64 = 200.0;
 
@@ -52,12 +55,12 @@ pub struct Figure(pub(super) Scene);
 impl Figure {
     /// Draws a figure. In print the map is as large as the width allows, and letters keep their size.
     pub fn fitted(width_mm: Option<f64>, draw: impl Fn(Room) -> Figure) -> Figure {
-        let Some(width_mm) = width_mm else { return draw(Room::PLENTY) };
+        let Some(width_mm) = width_mm else { return draw(Room::SCREEN) };
         // The parts next to the map keep their width.
         let side = |legend| {
-            let [large, small] = [Room::PLENTY.side, SIDE_NARROW].map(|side| draw(Room { side, legend }).0.width);
-            let grows = (large - small) / (Room::PLENTY.side - SIDE_NARROW);
-            Room::PLENTY.side + (width_mm * PX_PER_MM - large) / grows
+            let [large, small] = [SIDE_LARGE, SIDE_NARROW].map(|side| draw(Room { side, legend }).0.width);
+            let grows = (large - small) / (SIDE_LARGE - SIDE_NARROW);
+            SIDE_LARGE + (width_mm * PX_PER_MM - large) / grows
         };
         let right_side = side(LegendPlace::Right);
         if right_side >= SIDE_NARROW {
@@ -102,9 +105,9 @@ impl Figure {
         }
     }
 
-    /// Returns the figure as PNG bytes, two pixels per SVG unit.
+    /// Returns the figure as PNG bytes, three pixels per SVG unit.
     pub fn png(&self) -> anyhow::Result<Vec<u8>> {
-        self.png_scaled(2.0)
+        self.png_scaled(3.0)
     }
 
     /// Returns the figure as PNG bytes, `scale` pixels per SVG unit.

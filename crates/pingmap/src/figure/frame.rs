@@ -7,7 +7,7 @@ use kuva::render::render::{Primitive, Scene, TextAnchor, render_multiple};
 
 use super::finished::Figure;
 use super::marks::{
-    draw_arrow, draw_head, draw_line, draw_mark, shortened, shortened_to, text_at, text_width, ways_once,
+    draw_arrow, draw_head, draw_line, draw_mark, shortened, shortened_to, text_at, text_of_size, text_width, ways_once,
 };
 use super::style::{Arrows, FONT_PX, LegendPlace, Mark, Series, Style};
 use crate::grid::{Grid, Point};
@@ -15,6 +15,9 @@ use crate::grid::{Grid, Point};
 const ROW_PX: f64 = 20.0;
 const KEY_PX: f64 = 42.0;
 const LINK_MARK_PX: f64 = 3.0;
+
+/// Width of a figure from which a legend below the axes has two columns.
+const TWO_COLUMNS_PX: f64 = 620.0;
 
 /// Room above the axes for the name of the vertical axis.
 const Y_LABEL_ROOM_PX: f64 = 30.0;
@@ -25,8 +28,22 @@ const HEADS_PX: f64 = 110.0;
 /// Room at the right of the axes for the colour bar and its numbers.
 pub(super) const BAR_ROOM_PX: f64 = 64.0;
 
-/// Largest number of letters of a title. Longer titles would be too small to read.
+/// Largest number of letters of a title.
 const TITLE_LETTERS_MAX: usize = 160;
+
+/// Size of the letters of a title, and the height of its lines.
+const TITLE_PX: u32 = 14;
+const TITLE_ROW_PX: f64 = 19.0;
+
+/// Height of the lines below a title.
+const NOTE_ROW_PX: f64 = 16.0;
+
+/// Texts above the axes.
+pub(super) struct Heading<'a> {
+    pub(super) title: &'a str,
+    /// Lines below the title.
+    pub(super) notes: &'a [String],
+}
 
 /// Largest number of tracks that the legend names.
 const TRACKS_NAMED_MAX: usize = 24;
@@ -50,14 +67,20 @@ pub(super) struct Frame {
 
 impl Frame {
     /// Creates map axes with equal scales; the longer side has `side` pixels.
-    pub(super) fn map(layout: Layout, east: (f64, f64), north: (f64, f64), side: f64) -> Self {
+    pub(super) fn map(layout: Layout, heading: &Heading, east: Point, north: Point, side: f64) -> Self {
         let (width, height) = (east.1 - east.0, north.1 - north.0);
         let scale = side / width.max(height);
-        Self::new(layout, (east, "east (m)"), (north, "north (m)"), (width * scale, height * scale))
+        Self::new(layout, heading, (east, "east (m)"), (north, "north (m)"), (width * scale, height * scale))
     }
 
     /// Creates axes over the ranges `x` and `y`, with their names. The data area has `size` pixels.
-    pub(super) fn new(layout: Layout, (x, x_label): (Point, &str), (y, y_label): (Point, &str), size: Point) -> Self {
+    pub(super) fn new(
+        layout: Layout,
+        heading: &Heading,
+        (x, x_label): (Point, &str),
+        (y, y_label): (Point, &str),
+        size: Point,
+    ) -> Self {
         let mut layout =
             layout.with_x_axis_min(x.0).with_x_axis_max(x.1).with_y_axis_min(y.0).with_y_axis_max(y.1).with_box_axes();
         if !layout.suppress_x_ticks {
@@ -66,16 +89,14 @@ impl Frame {
         layout.show_colorbar = false;
         // The margins do not depend on the size. They are measured first and then added.
         let margins = ComputedLayout::from_layout(&layout);
-        layout.force_margin_top = Some(margins.margin_top.max(Y_LABEL_ROOM_PX));
-        layout.title = layout.title.map(|title| shortened_to(&title, TITLE_LETTERS_MAX));
-        let title = layout.title.as_deref().map_or(0.0, text_width) * f64::from(layout.title_size) / f64::from(FONT_PX);
-        let begins = margins.margin_left + (size.0 - title) / 2.0;
-        if title > size.0 || begins < 16.0 + text_width(y_label) {
-            // A long title stands above the names of axis and bar, and starts within the page.
-            layout.force_margin_top = Some(margins.margin_top.max(Y_LABEL_ROOM_PX) + ROW_PX);
-            let room = size.0 + 2.0 * (margins.margin_left - 4.0);
-            layout.title_size = (f64::from(layout.title_size) * (room / title).min(1.0)) as u32;
-        }
+        let title = lines_of(
+            &shortened_to(heading.title, TITLE_LETTERS_MAX),
+            (margins.margin_left + size.0) * f64::from(FONT_PX) / f64::from(TITLE_PX),
+        );
+        let notes: Vec<String> =
+            heading.notes.iter().flat_map(|note| lines_of(note, margins.margin_left + size.0)).collect();
+        let heading_px = title.len() as f64 * TITLE_ROW_PX + notes.len() as f64 * NOTE_ROW_PX;
+        layout.force_margin_top = Some(heading_px + Y_LABEL_ROOM_PX);
         let margins = ComputedLayout::from_layout(&layout);
         let layout = layout
             .with_width(size.0 + margins.margin_left + margins.margin_right)
@@ -84,7 +105,13 @@ impl Frame {
         // An empty line draws nothing. Without a plot there would be no axes.
         let scene = render_multiple(vec![Plot::from(LinePlot::new())], layout);
         // The name stands horizontally above its axis, because rotated letters are hard to read.
-        let legend = vec![text_at((8.0, axes.margin_top - 14.0), y_label, TextAnchor::Start)];
+        let mut legend = vec![text_at((8.0, axes.margin_top - 14.0), y_label, TextAnchor::Start)];
+        let rows = (0..title.len()).map(|n| TITLE_ROW_PX * (n as f64 + 0.5));
+        legend
+            .extend(rows.zip(&title).map(|(y, line)| text_of_size((8.0, y + 4.0), line, TextAnchor::Start, TITLE_PX)));
+        let below_px = TITLE_ROW_PX * title.len() as f64;
+        let rows = (0..notes.len()).map(|n| below_px + NOTE_ROW_PX * (n as f64 + 0.5));
+        legend.extend(rows.zip(&notes).map(|(y, line)| text_at((8.0, y + 4.0), line, TextAnchor::Start)));
         Self {
             scene,
             axes,
@@ -249,8 +276,10 @@ impl Frame {
     /// Returns the position of an entry of the legend: left end and vertical centre.
     pub(super) fn place(&self, entry: usize) -> Point {
         if self.legend_place == LegendPlace::Below {
-            let (row, column) = (entry / 2, entry % 2);
-            let width = (self.axes.width - 16.0) / 2.0;
+            // Two columns have room for names of 40 letters.
+            let columns = if self.axes.width < TWO_COLUMNS_PX { 1 } else { 2 };
+            let (row, column) = (entry / columns, entry % columns);
+            let width = (self.axes.width - 16.0) / columns as f64;
             return (16.0 + width * column as f64, self.axes.height + ROW_PX * (row as f64 + 0.5));
         }
         (self.axes.width + 8.0 + self.bar_px, self.axes.margin_top + ROW_PX * (entry as f64 + 0.5))
@@ -282,6 +311,18 @@ impl Frame {
         self.scene.height = self.scene.height.max(bottom).ceil();
         Figure(self.scene)
     }
+}
+
+/// Breaks a text into lines of at most this width, between words.
+fn lines_of(text: &str, width: f64) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        match lines.last_mut() {
+            Some(line) if text_width(&format!("{line} {word}")) <= width => *line += &format!(" {word}"),
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines
 }
 
 /// Returns about `count` of the points, evenly spread, including the first.

@@ -193,12 +193,16 @@ pub(super) fn polygon(corners: &[Point], fill: &str, edge: &str) -> Primitive {
     }))
 }
 
-pub(super) fn text_at((x, y): Point, text: &str, anchor: TextAnchor) -> Primitive {
+pub(super) fn text_at(at: Point, text: &str, anchor: TextAnchor) -> Primitive {
+    text_of_size(at, text, anchor, FONT_PX)
+}
+
+pub(super) fn text_of_size((x, y): Point, text: &str, anchor: TextAnchor, size: u32) -> Primitive {
     Primitive::Text {
         x,
-        y: y + 0.365 * f64::from(FONT_PX),
+        y: y + 0.365 * f64::from(size),
         content: text.into(),
-        size: FONT_PX,
+        size,
         anchor,
         rotate: None,
         bold: false,

@@ -17,29 +17,30 @@ use kuva::render::render::{Primitive, Scene};
 
 use crate::grid::{Grid, Point};
 pub use finished::{Figure, Image};
-use frame::{Frame, round_step, thin};
+use frame::{Frame, Heading, round_step, thin};
 pub use ground::shade;
 use marks::shortened;
-pub use style::{Arrows, LegendPlace, Mark, Panel, Room, Series, Style};
+pub use style::{Arrows, LegendPlace, Mark, Palette, Panel, Room, Series, Style};
 
 /// Smallest distance between the numbers of an axis.
 const TICK_PX_MIN: f64 = 55.0;
 
-const PANEL_TITLE_PX: u32 = 14;
-const PANEL_TITLE_ROOM_PX: f64 = 30.0;
 const PANEL_GAP_PX: f64 = 8.0;
 
 /// Content of a map of an area: a value of every cell, and the layers on top.
 pub struct GridMap<'a> {
     pub title: &'a str,
+    /// Lines below the title.
+    pub notes: &'a [String],
     /// Name of the quantity that the colours show.
     pub bar: &'a str,
+    pub palette: Palette,
     pub grid: Grid<'a>,
     pub contours: &'a [f64],
     /// Lines of equal latitude or longitude with their names.
     pub graticule: &'a [(String, Vec<Point>)],
-    /// Cells about which the data say little.
-    pub hatched: &'a [bool],
+    /// Cells that are hatched, and the meaning of hatching.
+    pub hatched: (&'a [bool], &'a str),
     pub tracks: &'a [Series<'a>],
     /// Links of heard and of missed messages.
     pub links: &'a [Arrows<'a>],
@@ -51,19 +52,23 @@ pub struct GridMap<'a> {
 /// Draws a map.
 pub fn grid_map(map: &GridMap, room: Room) -> Figure {
     let (east, north) = (map.grid.east, map.grid.north);
-    let mut frame = Frame::map(map_layout(map.title, east, north, room.side), east, north, room.side);
+    let heading = Heading { title: map.title, notes: map.notes };
+    let mut frame = Frame::map(map_layout(east, north, room.side), &heading, east, north, room.side);
     frame.legend_place = room.legend;
-    frame.heat_map(&map.grid);
-    frame.color_bar(map.bar);
-    frame.hatch(&map.grid, map.hatched);
+    frame.heat_map(&map.grid, map.palette);
+    frame.color_bar(map.bar, map.palette);
+    let (hatched, hatched_name) = map.hatched;
+    frame.hatch(&map.grid, hatched);
     frame.graticule(map.graticule);
     for (n, &level) in map.contours.iter().enumerate() {
         let dash = CONTOUR_DASHES[(map.contours.len() - 1 - n) % CONTOUR_DASHES.len()];
         frame.contour(&map.grid, level, Style { color: "#000000", width: 1.4, dash, mark: Mark::None });
     }
-    if map.hatched.contains(&true) {
-        frame.hatched_key("little known beyond the prior");
+    if hatched.contains(&true) {
+        frame.hatched_key(hatched_name, map.palette);
     }
+    let centres: Vec<Point> = map.places.iter().map(|(_, place)| *place).collect();
+    frame.rings(&centres, east, north);
     frame.tracks(map.tracks);
     frame.links(map.links);
     for line in map.lines {
@@ -104,7 +109,8 @@ pub fn link_map(
     tracks: &[Series],
     side: f64,
 ) -> Figure {
-    let mut frame = Frame::map(map_layout(title, east, north, side), east, north, side);
+    let mut frame = Frame::map(map_layout(east, north, side), &Heading { title, notes: &[] }, east, north, side);
+    frame.legend_place = Room::SCREEN.legend;
     let faint = tracks.iter().map(|track| Series { style: Style { width: 0.8, ..track.style }, ..*track });
     frame.tracks(&faint.collect::<Vec<_>>());
     frame.links(links);
@@ -119,14 +125,13 @@ pub fn link_panels(panels: &[Panel], east: (f64, f64), north: (f64, f64), side: 
     let side = side * f64::max(1.0, (north.1 - north.0) / (east.1 - east.0));
     let figures = panels.iter().enumerate().map(|(n, panel)| {
         let is_last = n + 1 == panels.len();
-        let mut layout = map_layout(panel.title, east, north, side).with_title_size(PANEL_TITLE_PX);
+        let mut layout = map_layout(east, north, side);
         if !is_last {
             // All panels share the axis of the last one.
             layout.suppress_x_ticks = true;
             layout.force_margin_bottom = Some(PANEL_GAP_PX);
         }
-        layout.force_margin_top = Some(PANEL_TITLE_ROOM_PX);
-        let mut frame = Frame::map(layout, east, north, side);
+        let mut frame = Frame::map(layout, &Heading { title: panel.title, notes: &[] }, east, north, side);
         frame.legend_place = if is_last { LegendPlace::Below } else { LegendPlace::Nowhere };
         frame.tracks(panel.tracks);
         frame.links(panel.links);
@@ -175,10 +180,11 @@ pub fn curves(title: &str, [x_label, y_label]: [&str; 2], series: &[Series], roo
     let (x, (low, high)) = (range(|point| point.0), range(|point| point.1));
     let margin = 0.05 * (high - low);
     let y = (low - margin, high + margin);
-    let layout = Layout::new(x, y).with_title(title);
-    let layout =
-        layout.with_x_tick_step(round_step((x.1 - x.0) / 10.0)).with_y_tick_step(round_step((y.1 - y.0) / 8.0));
-    let mut frame = Frame::new(layout, (x, x_label), (y, y_label), (room.side, height));
+    let layout = Layout::new(x, y)
+        .with_x_tick_step(round_step((x.1 - x.0) / room.side * TICK_PX_MIN))
+        .with_y_tick_step(round_step((y.1 - y.0) / 8.0));
+    let heading = Heading { title, notes: &[] };
+    let mut frame = Frame::new(layout, &heading, (x, x_label), (y, y_label), (room.side, height));
     frame.legend_place = room.legend;
     for series in series {
         let line: Vec<Point> = series.points.iter().map(|&point| frame.pixel(point)).collect();
@@ -191,8 +197,8 @@ pub fn curves(title: &str, [x_label, y_label]: [&str; 2], series: &[Series], roo
     frame.finish()
 }
 
-/// Returns title, axes in metres and ticks of a map. The tick step leaves room between the numbers.
-fn map_layout(title: &str, east: Point, north: Point, side: f64) -> Layout {
+/// Returns axes in metres and ticks of a map. The tick step leaves room between the numbers.
+fn map_layout(east: Point, north: Point, side: f64) -> Layout {
     let step = round_step((east.1 - east.0).max(north.1 - north.0) / side * TICK_PX_MIN);
-    Layout::new(east, north).with_title(title).with_x_tick_step(step).with_y_tick_step(step)
+    Layout::new(east, north).with_x_tick_step(step).with_y_tick_step(step)
 }

@@ -61,6 +61,19 @@ pub enum LegendPlace {
     Nowhere,
 }
 
+/// Colours of the values of a map.
+#[derive(Clone, Copy, PartialEq)]
+pub enum Palette {
+    /// Dark blue to yellow.
+    BlueToYellow,
+    /// Violet over green to yellow.
+    VioletToGreen,
+    /// Violet over red to yellow.
+    VioletToRed,
+    /// White to black.
+    WhiteToBlack,
+}
+
 /// Available room for a figure.
 #[derive(Clone, Copy)]
 pub struct Room {
@@ -70,6 +83,6 @@ pub struct Room {
 }
 
 impl Room {
-    /// Room of a figure without a given width.
-    pub const PLENTY: Room = Room { side: 640.0, legend: LegendPlace::Right };
+    /// Room of a figure without a given width. Its letters are readable on a page that is 400 pixels wide.
+    pub const SCREEN: Room = Room { side: 350.0, legend: LegendPlace::Below };
 }

@@ -20,17 +20,19 @@ fn drawn(track: &[Point], style: Style) -> String {
     let grid = Grid { columns, values: &values, east: (0.0, 2000.0), north: (0.0, 1000.0) };
     let map = GridMap {
         title: "A map",
+        notes: &[],
         bar: "probability of success",
+        palette: Palette::BlueToYellow,
         grid,
         contours: &[],
         graticule: &[],
-        hatched: &[],
+        hatched: (&[], ""),
         tracks: &[Series { name: "auv1", points: track, style }],
         links: &[],
         places: &[],
         lines: &[],
     };
-    grid_map(&map, Room::PLENTY).svg(false)
+    grid_map(&map, Room::SCREEN).svg(false)
 }
 
 const DASHED: Style = Style { color: "#d7301f", width: 1.6, dash: &[6.0, 4.0], mark: Mark::None };

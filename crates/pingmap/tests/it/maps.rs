@@ -157,15 +157,23 @@ fn pictures_contain_their_labels() {
     let svg = |more: &[&str]| svg_with(MODEL, more);
     learn(folder.path(), &[QUICK, &["--length-scale-m", "200"]].concat(), "short.toml");
     let plain = svg_with(&["--model", "short.toml"], &["--as", "rx", "--bounds=-1000,-1000,2500,2500"]);
-    for message in
-        ["receiver", "little known beyond the prior", "probability of success", "42°18", "70°54", "500 m", "viewBox"]
-    {
+    for message in [
+        "receiver",
+        "not known: interval wider than 0.5",
+        "probability",
+        "distance, every",
+        "42°18",
+        "70°54",
+        "500 m",
+        "viewBox",
+    ] {
         assert!(plain.contains(message), "no {message}");
     }
     assert!(!plain.contains("rotate(-90"), "letters stand upright");
     let titled =
         svg(&["--title", "Bay & <quay>", "--with-events", "--levels", "0.25,0.75", "--layers", "probability,lower"]);
-    for message in ["Bay &amp; &lt;quay&gt;", "heard here", "missed here", "contour 0.25", "lower end"] {
+    for message in ["Bay &amp; &lt;quay&gt;", "heard, sent within", "missed, sent within", "contour 0.25", "lower end"]
+    {
         assert!(titled.contains(message), "no {message}");
     }
     assert!(!titled.contains("contour 0.9"), "a contour that was not requested");
@@ -174,6 +182,102 @@ fn pictures_contain_their_labels() {
     file(folder.path(), "events.csv", log(&[&long, "b"], 60));
     let named = svg(&[]);
     assert!(named.contains(&format!("{}…", "n".repeat(19))) && !named.contains(&"n".repeat(60)));
+}
+
+/// Draws a map as a table. Returns its description, and easting, northing, lower and upper end of each cell.
+fn cells(folder: &Path, arguments: &[&str]) -> (Value, Vec<[f64; 4]>) {
+    let described = draw(folder, &[&["-o", "map.csv"], arguments].concat());
+    let text = String::from_utf8(read(folder, "map.csv")).unwrap();
+    let rows = columns(&text).1;
+    (described, rows.iter().map(|row| [row[0], row[1], row[5], row[6]]).collect())
+}
+
+#[test]
+fn cells_with_a_wide_interval_are_not_known() {
+    let folder = folder();
+    let share = |width: &str| {
+        let (described, cells) = cells(folder.path(), &["--at", "500,200", "--hatch-width", width]);
+        let wide = cells.iter().filter(|[.., lower, upper]| upper - lower > width.parse().unwrap()).count();
+        let share = described["sides"][0]["share_not_known"].as_f64().unwrap();
+        assert!((share - wide as f64 / cells.len() as f64).abs() < 1e-12, "{width}: {share}");
+        share
+    };
+    let (many, few) = (share("0.2"), share("0.8"));
+    assert!(many > few, "{many} {few}");
+    // The same area is in the vector formats.
+    draw(folder.path(), &["--at", "500,200", "--hatch-width", "0.2", "-o", "map.geojson"]);
+    let map: Value = serde_json::from_slice(&read(folder.path(), "map.geojson")).unwrap();
+    let is_unknown = |feature: &&Value| feature["properties"]["kind"] == "not_known";
+    let unknown: Vec<&Value> = map["features"].as_array().unwrap().iter().filter(is_unknown).collect();
+    assert!(unknown.len() == 1 && unknown[0]["properties"]["interval_wider_than"] == 0.2, "{unknown:?}");
+    draw(folder.path(), &["--at", "500,200", "--hatch-width", "0.2", "-o", "map.kml"]);
+    let kml = String::from_utf8(read(folder.path(), "map.kml")).unwrap();
+    for message in ["not known: interval wider than 0.2", "0.5 by lower", "0.5 by upper"] {
+        assert!(kml.contains(message), "no {message}");
+    }
+}
+
+#[test]
+fn the_stated_range_is_that_of_the_cells() {
+    let folder = folder();
+    let (described, cells) = cells(folder.path(), &["--at", "500,200", "--levels", "0.2,0.6"]);
+    let reach = &described["sides"][0]["reach"];
+    let yes_m = reach["yes_within_m"].as_f64().unwrap();
+    let no_m = reach["no_beyond_m"].as_f64().unwrap_or(f64::INFINITY);
+    assert_eq!(reach["probability"], 0.6);
+    for [x, y, lower, upper] in &cells {
+        let range_m = (x - 500.0).hypot(y - 200.0);
+        assert!(range_m > yes_m || *lower >= 0.6, "{range_m} m: {lower}, {reach}");
+        assert!(range_m < no_m || *upper < 0.6, "{range_m} m: {upper}, {reach}");
+    }
+    assert!(yes_m < no_m);
+}
+
+#[test]
+fn a_place_far_from_all_data_is_not_known() {
+    let folder = folder();
+    let arguments = ["map", "events.csv", "--at", "9000,9000", "--bounds", "8500,8500,9500,9500", "--json"];
+    let output = pingmap(folder.path(), &[&arguments[..], MODEL, COARSE, &["-o", "map.csv"]].concat());
+    assert!(stderr(&output).contains("Not known: (9000, 9000) is "), "{}", stderr(&output));
+    let described: Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert_eq!(described["sides"][0]["share_not_known"], 1.0);
+    // `predict` gives the same interval.
+    file(
+        folder.path(),
+        "links.csv",
+        "tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m\n9000,9000,9010,9000\n500,200,500,300\n",
+    );
+    let predicted =
+        json(folder.path(), &[&["predict", "events.csv", "--links", "links.csv", "--json"], MODEL].concat());
+    let ends = |n: usize| ["lower", "upper"].map(|key| predicted["predictions"][n][key].as_f64().unwrap());
+    assert_eq!(ends(0), [0.0, 1.0]);
+    assert!(ends(1)[0] > 0.0 && ends(1)[1] < 1.0, "{:?}", ends(1));
+}
+
+#[test]
+fn a_picture_names_its_log_place_date_and_range() {
+    let folder = folder();
+    let later = log(&["a", "b"], 120);
+    let later = later.lines().enumerate().map(|(n, line)| match (n, line.split_once(',')) {
+        (1.., Some((time, rest))) => format!("{},{rest}\n", 1_777_809_600.0 + time.parse::<f64>().unwrap()),
+        _ => format!("{line}\n"),
+    });
+    file(folder.path(), "events.csv", later.collect::<String>());
+    let words = |more: &[&str]| {
+        draw(folder.path(), &[&["--at", "500,200", "-o", "map.svg"], more].concat());
+        let svg = String::from_utf8(read(folder.path(), "map.svg")).unwrap();
+        let texts = svg.split("<text ").skip(1).filter_map(|text| text.split_once('>')?.1.split_once("</text>"));
+        texts.map(|(text, _)| text).collect::<Vec<_>>().join("\n")
+    };
+    let plain = words(&[]);
+    for message in ["events.csv: 42°18", ", 2026-05-03", "Heard with 0.9", "200 m"] {
+        assert!(plain.contains(message), "no {message}: {plain}");
+    }
+    // Each layer has its own title.
+    let all = words(&["--layers", "probability,lower,upper,width"]);
+    for message in ["Probability that", "Lower end", "Upper end", "Width"] {
+        assert!(all.contains(message), "no {message}: {all}");
+    }
 }
 
 #[test]
@@ -233,7 +337,9 @@ fn geojson_areas_cover_the_map_once_at_its_position() {
     let place = &of("place")[0]["geometry"]["coordinates"];
     let (east_m, north_m) = metres((place[1].as_f64().unwrap(), place[0].as_f64().unwrap()));
     assert!((east_m - 500.0).hypot(north_m - 200.0) < 1.0, "{east_m} {north_m}");
-    assert_eq!((of("area").len(), of("contour").len(), of("track").len()), (3, 2, 2));
+    assert_eq!((of("area").len(), of("contour").len(), of("track").len()), (3, 6, 2));
+    let by: Vec<&Value> = of("contour").iter().map(|contour| &contour["properties"]["by"]).collect();
+    assert_eq!(by, ["probability", "probability", "lower", "lower", "upper", "upper"]);
     // The areas sum to the area of the map. Rings are counter-clockwise and holes clockwise.
     let mut whole_m2 = 0.0;
     for area in of("area") {

@@ -110,6 +110,7 @@ const MAP: &[Case] = &[
     ("--join", "any", "--at 300,300 --at 100,100"),
     ("--bounds", "0,0,500,500", ""),
     ("--levels", "0.3", ""),
+    ("--hatch-width", "0.2", ""),
     ("--layers", "upper", ""),
     ("--with-events", "", ""),
     ("--title", "A_map", ""),
@@ -124,6 +125,7 @@ const DEEP: &[Case] = &[("--depth", "100", "")];
 
 /// Options of every plan.
 const PLAN: &[Case] = &[
+    ("--probability", "0.3", ""),
     ("--as", "tx", "--json"),
     ("--output", "plan.svg", ""),
     ("--json", "", ""),
@@ -134,7 +136,6 @@ const PLAN: &[Case] = &[
 
 const STANDOFF: &[Case] = &[
     ("--at", "300,300", ""),
-    ("--probability", "0.3", ""),
     ("--range-max-m", "200", ""),
     ("--vehicle", "ada", ""),
     ("--origin", "44.1,9.8", "--output plan.geojson --origin 44,9"),

@@ -34,6 +34,10 @@ fn the_standoff_line_has_the_requested_probability() {
         (least("range_m"), least("range_lower_m"))
     );
     assert!(least("range_lower_m") <= least("range_m") && number(&object["range_m"]) > 10.0, "{object}");
+    assert!(rays.iter().all(|ray| number(&ray["range_m"]) <= number(&ray["range_upper_m"])), "{object}");
+    let expected = if number(&object["range_lower_m"]) > 0.0 { "yes" } else { "not_known" };
+    assert_eq!(object["answer"], expected);
+    assert!(object["data"].as_str().unwrap().starts_with("No data beyond "), "{object}");
     // `predict` gives a larger probability just within the line, and a smaller one just beyond.
     let mut links = String::from("tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m\n");
     for ray in rays {
@@ -55,7 +59,7 @@ fn the_standoff_line_has_the_requested_probability() {
     let table = std::fs::read_to_string(folder.path().join("line.csv")).unwrap();
     assert_eq!(
         (table.lines().next(), table.lines().count()),
-        (Some("bearing_deg,range_m,range_lower_m,easting_m,northing_m"), 73)
+        (Some("bearing_deg,range_m,range_lower_m,range_upper_m,data_m,easting_m,northing_m"), 73)
     );
 }
 
@@ -93,6 +97,54 @@ fn a_track_is_evaluated_leg_by_leg() {
     assert_eq!(number(&plan(folder.path(), &track)["whole"]["end_s"]), 160.0);
 }
 
+#[test]
+fn plans_answer_not_known_far_from_all_data() {
+    let folder = tempfile::tempdir().unwrap();
+    file(folder.path(), "events.csv", log(&["a", "b"], 200));
+    file(folder.path(), "track.csv", "x,y\n9000,9000\n9100,9000\n");
+    file(folder.path(), "places.csv", "name,x,y\nfar,9000,9000\n");
+    let at = ["--at", "9000,9000"];
+    let standoff = plan(folder.path(), &[&["standoff"][..], &at].concat());
+    assert_eq!((&standoff["answer"], &standoff["range_lower_m"]), (&Value::from("not_known"), &Value::from(0.0)));
+    let track = plan(folder.path(), &[&["track", "--along", "track.csv"][..], &at].concat());
+    assert_eq!(track["whole"]["answer"], "not_known");
+    let gateway = plan(folder.path(), &["gateway", "--along", "track.csv", "--among", "places.csv"]);
+    let best = &gateway["candidates"][0];
+    assert_eq!(
+        (&best["answer"], number(&best["share_lower"]), number(&best["share_upper"])),
+        (&"not_known".into(), 0.0, 1.0)
+    );
+    for object in [standoff, track, gateway] {
+        assert!(object["data"].as_str().unwrap().starts_with("Not known: (9000, 9000) is "), "{object}");
+    }
+}
+
+#[test]
+fn answers_follow_from_the_ends_of_the_interval() {
+    let folder = tempfile::tempdir().unwrap();
+    file(folder.path(), "events.csv", log(&["a", "b"], 200));
+    file(folder.path(), "track.csv", "x,y\n500,200\n500,800\n900,800\n");
+    let mut found = std::collections::BTreeSet::new();
+    for required in ["0.01", "0.5", "0.99"] {
+        let common = ["--along", "track.csv", "--probability", required];
+        let track = plan(folder.path(), &[&["track", "--at", "500,300"][..], &common].concat());
+        let gateway = plan(folder.path(), &[&["gateway", "--among", "track.csv"][..], &common].concat());
+        let legs = track["legs"].as_array().unwrap().iter().map(|leg| (leg, "lower", "upper"));
+        let places = gateway["candidates"].as_array().unwrap().iter().map(|one| (one, "share_lower", "share_upper"));
+        let required: f64 = required.parse().unwrap();
+        for (one, lower, upper) in legs.chain(places) {
+            let expected = match (number(&one[lower]) >= required, number(&one[upper]) < required) {
+                (true, _) => "yes",
+                (_, true) => "no",
+                _ => "not_known",
+            };
+            assert_eq!(one["answer"], expected, "{required}: {one}");
+            found.insert(expected);
+        }
+    }
+    assert_eq!(found.len(), 3, "all answers occur: {found:?}");
+}
+
 /// Asserts that every row has the same position in metres and in degrees.
 fn is_placed(table: &str) {
     let header: Vec<&str> = table.lines().next().unwrap().split(',').collect();
@@ -119,7 +171,7 @@ fn plans_are_written_in_every_format() {
     let at = ["--at", "41.502N,70.494W"];
     let along = ["--along", "track.csv"];
     for (arguments, kinds) in [
-        ([&["standoff"][..], &at].concat(), vec!["standoff", "standoff", "place"]),
+        ([&["standoff"][..], &at].concat(), vec!["standoff", "standoff", "standoff", "place"]),
         ([&["track"][..], &at, &along].concat(), vec!["leg", "place"]),
         ([&["gateway", "--among", "places.csv"][..], &along].concat(), vec!["place", "place", "track"]),
     ] {
@@ -130,7 +182,12 @@ fn plans_are_written_in_every_format() {
         let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
         assert!(read("plan.png").starts_with(b"\x89PNG") && read("plan.svg").starts_with(b"<svg"));
         let svg = String::from_utf8(read("plan.svg")).unwrap();
-        assert!(svg.contains("Of Monday") && svg.contains("heard here") && svg.contains("missed here"));
+        assert!(
+            svg.contains("Of Monday")
+                && svg.contains("heard, ")
+                && svg.contains("missed, ")
+                && svg.contains("not known")
+        );
         is_placed(std::str::from_utf8(&read("plan.csv")).unwrap());
         let kml = String::from_utf8(read("plan.kml")).unwrap();
         assert!(kml.matches("<Placemark>").count() == kinds.len() && kml.contains("<ExtendedData>"), "{kml}");

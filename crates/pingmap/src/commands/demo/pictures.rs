@@ -4,20 +4,23 @@ use std::collections::BTreeMap;
 
 use anyhow::Context;
 use dgpc::{Concatenation, Summary, success_probability};
-use pingmap_agent::{Link, LinkQuery, Position, Time, VehicleId};
+use pingmap_agent::{INTERVAL_WIDENING, Link, LinkQuery, Position, Time, VehicleId};
 use pingmap_trial::paper::Policy;
 use pingmap_trial::{Mission, Package, Plan, Preshared};
 
 use crate::area::Area;
 use crate::commands::replay::Replayed;
-use crate::figure::{Arrows, Figure, GridMap, Mark, Panel, Room, Series, Style, grid_map, link_panels};
+use crate::figure::{Arrows, Figure, GridMap, Mark, Palette, Panel, Room, Series, Style, grid_map, link_panels};
 use crate::grid::Point;
 use crate::page::Page;
-use crate::success_map::{LEVELS, LITTLE_KNOWN};
+use crate::success_map::{HATCH_WIDTH, LEVELS};
 use crate::tracks;
 
 /// Width of the axes of a panel.
-const AXES_PX: f64 = 420.0;
+const AXES_PX: f64 = 350.0;
+
+/// Standard deviations to either side of the mean that a 90 % interval of the log-odds contains.
+const INTERVAL_REACH: f64 = 1.645 * INTERVAL_WIDENING;
 
 /// The scheme's figures for one split.
 pub struct Pictures {
@@ -58,7 +61,7 @@ impl Pictures {
             &self.posterior,
             &format!(
                 "The concatenated posterior of the team: probability that a message from the star is received, from {packets} packages of \
-                 each vehicle at good points. Arrows are the points. The packages say little where the map is hatched."
+                 each vehicle at good points. Arrows are the points. The map is hatched where the 90 % interval of the probability is wider than {HATCH_WIDTH}."
             ),
         );
     }
@@ -116,25 +119,28 @@ fn posterior(replayed: &Replayed, mission: &Mission, packages: &[Package]) -> an
     let inputs = model.inputs((0..area.cells()).map(query).collect::<Vec<_>>())?;
     let summaries: Vec<&Summary> = packages.iter().map(|package| &package.summary).collect();
     let latent = Concatenation::new(&model.prior, &summaries)?.latent(&inputs)?;
-    let prior = model.prior.kernel().diagonal(&inputs)?;
     let moments = latent.mean.iter().zip(&latent.variance);
     let probability: Vec<f64> = moments.map(|(&mean, &variance)| success_probability(mean, variance)).collect();
-    let unknown = latent.variance.iter().zip(&prior).map(|(left, prior)| left / prior > 1.0 - LITTLE_KNOWN);
+    let end = |mean: f64, reach: f64| success_probability(mean + INTERVAL_REACH * reach, 0.0);
+    let moments = latent.mean.iter().zip(&latent.variance).map(|(&mean, variance)| (mean, variance.sqrt()));
+    let unknown = moments.map(|(mean, deviation)| end(mean, deviation) - end(mean, -deviation) > HATCH_WIDTH);
     let points = by_sender(packages);
     let names = names(&points);
     Ok(grid_map(
         &GridMap {
             title: "Concatenated posterior of the team",
-            bar: "probability of success",
+            notes: &[],
+            bar: "probability",
+            palette: Palette::BlueToYellow,
             grid: area.grid(&probability),
             graticule: &[],
             contours: &LEVELS,
-            hatched: &unknown.collect::<Vec<_>>(),
+            hatched: (&unknown.collect::<Vec<_>>(), &format!("not known: interval wider than {HATCH_WIDTH}")),
             tracks: &[],
             links: &arrows(&points, &names),
             places: &[("transmitter".to_owned(), (transmitter.east_m, transmitter.north_m))],
             lines: &[],
         },
-        Room::PLENTY,
+        Room::SCREEN,
     ))
 }

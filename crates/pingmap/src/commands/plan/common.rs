@@ -8,7 +8,8 @@ use pingmap_import::{Reference, Waypoint, read_waypoints};
 
 use crate::area::Area;
 use crate::cli_enums::{Join, Layer, Seen, SeenOnce};
-use crate::cli_parsers::{not_negative, print_width};
+use crate::cli_parsers::{not_negative, open_share, print_width};
+use crate::data_extent::DataExtent;
 use crate::exports::{Line, geojson_of_lines, kml_of_lines};
 use crate::figure::{Figure, Image, Room, Series, stacked};
 use crate::grid::Point;
@@ -19,7 +20,7 @@ use crate::options::{QueryOptions, RESULT, Source};
 use crate::output::{BadInput, Results, csv_of_text, note, spinner};
 use crate::output_target::{Overwrite, Target, ending, picture};
 use crate::reference::reference;
-use crate::success_map::{MapQuery, SuccessMap};
+use crate::success_map::{HATCH_WIDTH, MapQuery, SuccessMap};
 
 #[derive(Args)]
 pub struct Common {
@@ -30,13 +31,19 @@ pub struct Common {
     /// Role of the position; a gateway that listens receives
     #[arg(help_heading = None::<&str>, long = "as", value_enum, default_value_t = SeenOnce::Rx)]
     pub seen: SeenOnce,
+    /// Required probability that a message is received
+    ///
+    /// The answer is yes if the lower end of the 90 % interval reaches it, and no if the upper end is below it.
+    /// Otherwise it is not known.
+    #[arg(help_heading = None::<&str>, long, default_value_t = 0.9, value_parser = open_share)]
+    pub probability: f64,
     /// Depth of the other ends, if the log has depths; the mean depth of the log if not given
     #[arg(help_heading = None::<&str>, long, value_name = "METRES", value_parser = not_negative, allow_negative_numbers = true)]
     pub depth: Option<f64>,
     /// Title of the picture
     #[arg(help_heading = RESULT, long, value_name = "TEXT")]
     pub title: Option<String>,
-    /// Draw tracks and events of the log on top of the picture
+    /// Draw the events of the log whose end at the position is near it
     #[arg(help_heading = RESULT, long)]
     pub with_events: bool,
     /// File for the plan: .png, .svg, .pdf, .csv, .geojson or .kml
@@ -135,8 +142,9 @@ pub struct QueryTemplate {
 
 impl QueryTemplate {
     /// Returns the queries of a map or plan seen from these positions.
-    pub fn of<'a>(&'a self, at: &'a [Position], join: Join) -> MapQuery<'a> {
-        MapQuery { at, seen: self.seen, join, depth_m: self.depth_m, heading_deg: None, attempt: &*self.attempt }
+    pub fn of<'a>(&'a self, at: &'a [Position], join: Join, extent: &'a DataExtent) -> MapQuery<'a> {
+        let Self { seen, depth_m, ref attempt } = *self;
+        MapQuery { at, seen, join, depth_m, heading_deg: None, extent, attempt: &**attempt }
     }
 }
 
@@ -166,6 +174,8 @@ pub struct PlanContent<'a> {
     pub at: &'a [Position],
     pub join: Join,
     pub title: &'a str,
+    /// The answer in a sentence.
+    pub sentence: &'a str,
     pub lines: &'a [Series<'a>],
     /// Lines and areas for other programs.
     pub shapes: Vec<Line>,
@@ -216,17 +226,20 @@ impl LearnedPlan<'_> {
         let ends = self.learned_map.log.events.iter().flat_map(|event| event.link.ends());
         let shown = content.shown.iter().map(|&(east_m, north_m)| Position::new(east_m, north_m));
         let area = Area::around(ends.chain(content.at.iter().copied()).chain(shown), None)?;
-        let query = self.queries.of(content.at, content.join);
+        let query = self.queries.of(content.at, content.join, &self.learned_map.extent);
         let map = SuccessMap::new(&mut self.learned_map.agent, area, &query)?;
         let known = Some(&self.reference).filter(|reference| reference.system().is_known());
         let &Common { ref title, with_events, width_mm, .. } = self.common;
         let figure_content = FigureContent {
-            events: if with_events { &self.learned_map.log.events } else { &[] },
+            events: &self.learned_map.log.events,
+            log: &self.learned_map.name,
             levels: &[],
             layers: &[Layer::Probability],
             title: Some(title.as_deref().unwrap_or(content.title)),
+            sentence: Some(content.sentence),
             reference: known,
             with_events,
+            hatch_width: HATCH_WIDTH,
             lines: content.lines,
         };
         let below = content.below;

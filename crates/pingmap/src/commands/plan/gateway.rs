@@ -9,11 +9,13 @@ use serde::Serialize;
 use serde_json::json;
 
 use super::common::{Common, LearnedPlan, PlanContent, waypoints};
+use crate::answer::Answer;
 use crate::cli_enums::{Join, name_of};
 use crate::cli_parsers::positive;
 use crate::exports::{Line, Shape};
 use crate::figure::{Mark, Series, Style};
 use crate::grid::Point;
+use crate::learned_map::LearnedMap;
 use crate::model::{InputDigests, KernelJson};
 use crate::outage::{Outage, Outages, SampledFunctions};
 use crate::output::{BadInput, Results, print_json, print_text, spinner, table};
@@ -52,6 +54,8 @@ struct Candidate {
     share: f64,
     share_lower: f64,
     share_upper: f64,
+    /// Whether the required share is received.
+    answer: Answer,
     lowest: f64,
     silence: Outage,
     /// Posterior probability that this is the best candidate.
@@ -70,6 +74,8 @@ pub struct CandidateJson {
     share_lower: f64,
     /// The 95 % quantile of the share.
     share_upper: f64,
+    /// Whether the share reaches the required probability.
+    answer: Answer,
     /// Probability of the least probable message.
     probability_lowest: f64,
     /// Median over missions of the longest time without a received message.
@@ -98,6 +104,10 @@ pub struct GatewayJson {
     events_used: usize,
     /// Kernel of the model.
     kernel: KernelJson,
+    /// Required probability.
+    probability: f64,
+    /// Where the data end, seen from the best candidate, in words.
+    data: String,
     /// Name of the best candidate.
     best: String,
     /// All candidates, the best first.
@@ -123,12 +133,16 @@ impl Options {
         let sendings = route.sendings(self.every_s)?;
         let mut learned = opened.learn()?;
         let bar = spinner("comparing places");
-        let candidates = ranked(&mut learned, &named, (&route, &sendings), self.common.source.work.seed)?;
+        let candidates = ranked(&mut learned, &named, (&route, &sendings), &self.common)?;
         bar.finish_and_clear();
+        let extent = &learned.learned_map.extent;
+        let track = extent.track_sentence(sendings.iter().map(|sending| sending.position));
+        let data = format!("{}\n{track}", extent.sentence(&candidates[0].place));
+        let sentence = sentence(&candidates[0], self.common.probability);
         if self.common.json {
-            print_json(results, &self.json(&candidates, &learned, sendings.len()))?;
+            print_json(results, &self.json(&candidates, &learned, sendings.len(), data))?;
         } else {
-            print_text(results, &text(&candidates))?;
+            print_text(results, &text(&candidates, self.common.probability, &sentence, &data))?;
         }
         let track: Vec<Point> = route.waypoints.iter().map(|(_, at)| (at.east_m, at.north_m)).collect();
         let others: Vec<Point> = candidates.iter().skip(1).map(|one| (one.place.east_m, one.place.north_m)).collect();
@@ -140,6 +154,7 @@ impl Options {
             at: &[candidates[0].place],
             join: Join::All,
             title: &format!("Best for the gateway: {}", candidates[0].name),
+            sentence: &sentence,
             lines: if others.is_empty() { &series[..1] } else { &series },
             shapes: self.shapes(&candidates, &track),
             below: None,
@@ -150,13 +165,14 @@ impl Options {
         learned.write(content, results)
     }
 
-    fn json(&self, candidates: &[Candidate], learned: &LearnedPlan, messages: usize) -> GatewayJson {
+    fn json(&self, candidates: &[Candidate], learned: &LearnedPlan, messages: usize, data: String) -> GatewayJson {
         let of = |one: &Candidate| CandidateJson {
             name: one.name.clone(),
             place: PlaceJson::of(&one.place, &learned.reference),
             share: one.share,
             share_lower: one.share_lower,
             share_upper: one.share_upper,
+            answer: one.answer,
             probability_lowest: one.lowest,
             silence_median_s: one.silence.median_s,
             silence_likely_s: one.silence.likely_s,
@@ -170,6 +186,8 @@ impl Options {
             messages,
             events_used: learned.learned_map.log.events.len(),
             kernel: KernelJson::of(learned.learned_map.model()),
+            probability: self.common.probability,
+            data,
             best: candidates[0].name.clone(),
             candidates: candidates.iter().map(of).collect(),
         }
@@ -183,6 +201,9 @@ impl Options {
             properties: vec![
                 ("name", json!(one.name)),
                 ("share", json!(one.share)),
+                ("share_lower", json!(one.share_lower)),
+                ("share_upper", json!(one.share_upper)),
+                ("answer", json!(one.answer)),
                 ("best_share", json!(one.best)),
                 ("silence_likely_s", json!(one.silence.likely_s)),
                 ("seen_from", json!(seen)),
@@ -199,14 +220,15 @@ fn ranked(
     learned: &mut LearnedPlan,
     named: &[(String, Position)],
     (route, sendings): (&Route, &[Sending]),
-    seed: u64,
+    common: &Common,
 ) -> anyhow::Result<Vec<Candidate>> {
     let on_track: Vec<Position> = sendings.iter().map(|sending| sending.position).collect();
     let (mut cells, mut attempts): (Vec<Vec<Cell>>, Vec<Vec<LinkQuery>>) = (Vec::new(), Vec::new());
     for (_, place) in named {
         let at = [*place];
-        let query = learned.queries.of(&at, Join::All);
-        let found = from_one(&mut learned.learned_map.agent, &query, (query.seen, *place), &on_track)?;
+        let LearnedMap { extent, agent, .. } = &mut learned.learned_map;
+        let query = learned.queries.of(&at, Join::All, extent);
+        let found = from_one(agent, &query, (query.seen, *place), &on_track)?;
         let (of_place, asked_about) = found.into_iter().unzip();
         cells.push(of_place);
         attempts.push(asked_about);
@@ -225,21 +247,28 @@ fn ranked(
     let mut candidates = Vec::with_capacity(named.len());
     for (n, (name, place)) in named.iter().enumerate() {
         let at = [*place];
-        let query = learned.queries.of(&at, Join::All);
-        let alone = SampledFunctions::new(&mut learned.learned_map.agent, &attempts[n..=n])?;
+        let LearnedMap { extent, agent, .. } = &mut learned.learned_map;
+        let query = learned.queries.of(&at, Join::All, extent);
+        let alone = SampledFunctions::new(agent, &attempts[n..=n])?;
         let probabilities: Vec<f64> = cells[n].iter().map(|cell| cell.probability).collect();
         let mut drawn: Vec<f64> = shares.iter().map(|shares| shares[n]).collect();
         drawn.sort_by(f64::total_cmp);
         let quantile = |share: f64| drawn[(share * (drawn.len() - 1) as f64).round() as usize];
         let share = mean(&probabilities);
+        // Messages about which nothing is known may all be received, or none.
+        let is_unknown = |cell: &&Cell| cell.width() == 1.0;
+        let unknown = cells[n].iter().filter(is_unknown).count() as f64 / cells[n].len() as f64;
+        let share_lower = (quantile(0.05).min(share) - unknown).max(0.0);
+        let share_upper = (quantile(0.95).max(share) + unknown).min(1.0);
         candidates.push(Candidate {
             name: name.clone(),
             place: *place,
             share,
-            share_lower: quantile(0.05).min(share),
-            share_upper: quantile(0.95).max(share),
+            share_lower,
+            share_upper,
+            answer: Answer::of((share_lower, share_upper), common.probability),
             lowest: probabilities.iter().copied().fold(1.0, f64::min),
-            silence: Outages::new(&alone, &query, route, sendings, seed).whole,
+            silence: Outages::new(&alone, &query, route, sendings, common.source.work.seed).whole,
             best: best[n],
         });
     }
@@ -247,7 +276,7 @@ fn ranked(
     Ok(candidates)
 }
 
-const HEADER: [&str; 10] = [
+const HEADER: [&str; 11] = [
     "name",
     "easting_m",
     "northing_m",
@@ -258,6 +287,7 @@ const HEADER: [&str; 10] = [
     "silence_median_s",
     "silence_likely_s",
     "best_share",
+    "answer",
 ];
 
 fn row(one: &Candidate) -> (Point, Vec<String>) {
@@ -265,10 +295,23 @@ fn row(one: &Candidate) -> (Point, Vec<String>) {
     let Position { east_m, north_m, .. } = one.place;
     let numbers =
         [east_m, north_m, one.share, one.share_lower, one.share_upper, one.lowest, median_s, likely_s, one.best];
-    ((east_m, north_m), [vec![one.name.clone()], numbers.map(|number| number.to_string()).to_vec()].concat())
+    let numbers = numbers.map(|number| number.to_string()).to_vec();
+    ((east_m, north_m), [vec![one.name.clone()], numbers, vec![one.answer.words().to_owned()]].concat())
 }
 
-fn text(candidates: &[Candidate]) -> String {
+/// States which position is best, and whether it receives the required share.
+fn sentence(best: &Candidate, required: f64) -> String {
+    format!(
+        "The best position is {}, with a probability of {:.0} %. It hears a share of {required} or more: {} ({:.2}–{:.2}).",
+        best.name,
+        100.0 * best.best,
+        best.answer.words(),
+        best.share_lower,
+        best.share_upper,
+    )
+}
+
+fn text(candidates: &[Candidate], required: f64, sentence: &str, data: &str) -> String {
     let row = |one: &Candidate| {
         vec![
             one.name.clone(),
@@ -277,19 +320,13 @@ fn text(candidates: &[Candidate]) -> String {
             format!("{:.0}", one.silence.median_s),
             format!("{:.0}", one.silence.likely_s),
             format!("{:.0} %", 100.0 * one.best),
+            one.answer.words().to_owned(),
         ]
     };
     let rows: Vec<Vec<String>> = candidates.iter().map(row).collect();
-    let header = ["place", "share heard", "lowest probability", "silence (s)", "at most, 9 of 10", "best in"];
-    let best = &candidates[0];
-    format!(
-        "{}\n\nThe best position for the gateway is {}: {:.0} % of the messages of the track are expected to be received. It is the \
-         best position with a probability of {:.0} %.",
-        table(&header, &rows),
-        best.name,
-        100.0 * best.share,
-        100.0 * best.best
-    )
+    let hears = format!("hears {required}");
+    let header = ["place", "share heard", "lowest probability", "silence (s)", "at most, 9 of 10", "best in", &hears];
+    format!("{}\n\n{sentence}\n{data}", table(&header, &rows))
 }
 
 const TRACK: Style = Style { color: "#d00000", width: 2.2, dash: &[], mark: Mark::Dot };

@@ -10,6 +10,7 @@ use serde::Serialize;
 use serde_json::json;
 
 use super::common::{Common, LearnedPlan, PlanContent, waypoints};
+use crate::answer::Answer;
 use crate::cli_enums::{Join, name_of};
 use crate::cli_parsers::{place, positive};
 use crate::exports::{Line, Shape};
@@ -27,7 +28,7 @@ use crate::success_map::{Cell, MapQuery, all_joined, from_one};
     after_help = "Example:\n  pingmap plan track log.csv --model model.toml --along waypoints.csv --at 700,510 --every-s 10 -o track.png"
 )]
 pub struct Options {
-    /// Table of waypoints, in metres of the log or degrees, with optional times
+    /// Table of waypoints, in metres or degrees, with optional times
     #[arg(long, value_name = "FILE")]
     pub along: PathBuf,
     /// Position of the listener; repeat the option for several listeners
@@ -51,6 +52,10 @@ pub struct Options {
 
 /// Predictions for a track, by message and by leg.
 struct Expected {
+    /// Required probability.
+    required: f64,
+    /// Where the data end.
+    data: String,
     route: Route,
     sendings: Vec<Sending>,
     cells: Vec<Cell>,
@@ -74,6 +79,12 @@ pub struct LegJson {
     received_expected: f64,
     /// The least probable message.
     lowest: LowestJson,
+    /// Whether every message reaches the required probability.
+    answer: Answer,
+    /// Smallest lower end of the messages' intervals.
+    lower: f64,
+    /// Smallest upper end of the messages' intervals.
+    upper: f64,
     /// Median over missions of the longest time without a received message.
     silence_median_s: f64,
     /// The 90 % quantile over missions of the longest time without a received message.
@@ -110,6 +121,10 @@ pub struct TrackJson {
     join: String,
     /// Interval between messages in seconds.
     every_s: f64,
+    /// Required probability.
+    probability: f64,
+    /// Where the data end, in words.
+    data: String,
     /// Number of events from which the map was learned.
     events_used: usize,
     /// Kernel of the model.
@@ -129,7 +144,7 @@ impl Options {
         let at = positions("--at", &self.at, &opened.reference, opened.depth_m)?;
         let mut learned = opened.learn()?;
         let bar = spinner("playing missions");
-        let expected = Expected::new(&mut learned, (&at, self.join), (route, sendings), self.common.source.work.seed)?;
+        let expected = Expected::new(&mut learned, (&at, self.join), (route, sendings), &self.common)?;
         bar.finish_and_clear();
         if self.common.json {
             print_json(results, &self.json(&expected, &learned, &at))?;
@@ -142,6 +157,7 @@ impl Options {
             at: &at,
             join: self.join,
             title: "Reception along the track",
+            sentence: &expected.sentence(),
             lines: &series,
             shapes: expected.shapes(&at, &name_of(&self.common.seen)),
             below: Some(&|room| expected.curve(room)),
@@ -161,6 +177,8 @@ impl Options {
             seen: name_of(&self.common.seen),
             join: name_of(&self.join),
             every_s: self.every_s,
+            probability: expected.required,
+            data: expected.data.clone(),
             events_used: learned.learned_map.log.events.len(),
             kernel: KernelJson::of(learned.learned_map.model()),
             whole: expected.leg(None, reference),
@@ -174,9 +192,10 @@ impl Expected {
         learned: &mut LearnedPlan,
         (at, join): (&[Position], Join),
         (route, sendings): (Route, Vec<Sending>),
-        seed: u64,
+        common: &Common,
     ) -> anyhow::Result<Self> {
-        let query: MapQuery = learned.queries.of(at, join);
+        let extent = &learned.learned_map.extent;
+        let query: MapQuery = learned.queries.of(at, join, extent);
         let places: Vec<Position> = sendings.iter().map(|sending| sending.position).collect();
         let of_places =
             at.iter().map(|&at| from_one(&mut learned.learned_map.agent, &query, (query.seen, at), &places));
@@ -185,8 +204,10 @@ impl Expected {
         let attempts: Vec<Vec<LinkQuery>> =
             of_places.iter().map(|place| place.iter().map(|(_, attempt)| *attempt).collect()).collect();
         let drawn = SampledFunctions::new(&mut learned.learned_map.agent, &attempts)?;
-        let outages = Outages::new(&drawn, &query, &route, &sendings, seed);
-        Ok(Self { route, sendings, cells, outages })
+        let outages = Outages::new(&drawn, &query, &route, &sendings, common.source.work.seed);
+        let track = extent.track_sentence(places.iter().copied());
+        let data: Vec<String> = at.iter().map(|at| extent.sentence(at)).chain([track]).collect();
+        Ok(Self { required: common.probability, data: data.join("\n"), route, sendings, cells, outages })
     }
 
     /// Returns the messages of a leg, or of the whole track.
@@ -204,7 +225,13 @@ impl Expected {
         let before = self.sendings.iter().zip(&self.cells).rfind(|(sending, _)| sending.time_s <= start_s);
         let (sending, cell) = lowest.or(before).unwrap_or((&self.sendings[0], &self.cells[0]));
         let Outage { median_s, likely_s } = leg.map_or(self.outages.whole, |leg| self.outages.legs[leg]);
+        // The least of several probabilities is at most as large as each of them.
+        let least = |of: fn(&Cell) -> f64| self.of(leg).map(|(_, cell)| of(cell)).fold(of(cell), f64::min);
+        let (lower, upper) = (least(|cell| cell.lower), least(|cell| cell.upper));
         LegJson {
+            answer: Answer::of((lower, upper), self.required),
+            lower,
+            upper,
             from: PlaceJson::of(&from, reference),
             to: PlaceJson::of(&to, reference),
             start_s,
@@ -232,7 +259,7 @@ impl Expected {
                 Some(leg) => self.route.length_m(leg),
                 None => (0..self.route.legs()).map(|leg| self.route.length_m(leg)).sum(),
             };
-            let LowestJson { time_s, probability, lower, upper, .. } = found.lowest;
+            let LegJson { lower, upper, lowest: LowestJson { time_s, probability, .. }, .. } = found;
             vec![
                 what,
                 format!("{length_m:.0}"),
@@ -242,16 +269,26 @@ impl Expected {
                 format!("{time_s:.0}"),
                 format!("{:.0}", found.silence_median_s),
                 format!("{:.0}", found.silence_likely_s),
+                found.answer.words().to_owned(),
             ]
         };
         let rows: Vec<Vec<String>> = (0..self.route.legs()).map(Some).chain([None]).map(row).collect();
-        let header =
-            ["leg", "m", "messages", "expected", "lowest probability", "at (s)", "silence (s)", "at most, 9 of 10"];
+        let all = format!("all heard with {}", self.required);
+        let lowest = "lowest probability";
+        let header = ["leg", "m", "messages", "expected", lowest, "at (s)", "silence (s)", "at most, 9 of 10", &all];
         let Outage { median_s, likely_s } = self.outages.whole;
         format!(
-            "{}\n\nThe longest silence on the whole track is at most {median_s:.0} s in half of all missions, and at most {likely_s:.0} s in 90 %.",
-            table(&header, &rows)
+            "{}\n\n{}\nThe longest silence on the whole track is at most {median_s:.0} s in half of all missions, and at most {likely_s:.0} s in 90 %.\n{}",
+            table(&header, &rows),
+            self.sentence(),
+            self.data
         )
+    }
+
+    /// Answers whether every message reaches the required probability.
+    fn sentence(&self) -> String {
+        let LegJson { answer, lower, upper, .. } = self.leg(None, &Reference::unknown());
+        format!("Every message is heard with {}: {} ({lower:.2}–{upper:.2}).", self.required, answer.words())
     }
 
     fn rows(&self) -> Vec<(Point, Vec<String>)> {
@@ -287,6 +324,9 @@ impl Expected {
                 ("messages", json!(found.messages)),
                 ("received_expected", json!(found.received_expected)),
                 ("probability_lowest", json!(found.lowest.probability)),
+                ("lower", json!(found.lower)),
+                ("upper", json!(found.upper)),
+                ("answer", json!(found.answer)),
                 ("silence_median_s", json!(found.silence_median_s)),
                 ("silence_likely_s", json!(found.silence_likely_s)),
             ];

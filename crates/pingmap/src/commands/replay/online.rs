@@ -265,5 +265,5 @@ fn figure(online: &Online) -> Figure {
     let series: Vec<Series> =
         WAYS.iter().zip(&points).map(|(&(name, style, _), points)| Series { name, points, style }).collect();
     let title = "How well coming events are predicted, so far";
-    curves(title, ["time (s)", "mean NLL so far (nats)"], &series, Room { side: 620.0, ..Room::PLENTY }, 380.0)
+    curves(title, ["time (s)", "mean NLL so far (nats)"], &series, Room::SCREEN, 300.0)
 }

@@ -9,11 +9,12 @@ use pingmap_trial::{Bin, Calibrated, Calibration, Mission, Plan, Preshared, Rang
 use super::replayed::Replayed;
 use crate::area::Area;
 use crate::cli_enums::{Join, Layer, Seen};
+use crate::data_extent::DataExtent;
 use crate::figure::{Arrows, Figure, Mark, Room, Series, Style, curves, link_map};
 use crate::grid::Point;
 use crate::map_figure::{FigureContent, figure};
 use crate::reference::reference;
-use crate::success_map::{LEVELS, MapQuery, SuccessMap};
+use crate::success_map::{HATCH_WIDTH, LEVELS, MapQuery, SuccessMap};
 use crate::tracks;
 
 /// Largest number of packets per vehicle behind the maps.
@@ -28,12 +29,20 @@ const MAPS_MAX: usize = 6;
 /// Number of range bins.
 const RANGE_BINS: usize = 12;
 
+/// The map of a vehicle.
+pub struct MapPicture {
+    pub viewer: VehicleId,
+    pub figure: Figure,
+    /// The distance within which messages are heard.
+    pub sentence: String,
+}
+
 pub struct Pictures {
     /// Number of packets per vehicle behind the maps.
     pub frames: usize,
     pub split: String,
     /// Maps of the first vehicles.
-    pub maps: Vec<(VehicleId, Figure)>,
+    pub maps: Vec<MapPicture>,
     /// Number of all vehicles.
     pub vehicles: usize,
     /// `None` if no packet contains inducing points.
@@ -55,7 +64,7 @@ impl Pictures {
         let vehicles = team.len();
         let mut maps = Vec::new();
         for agent in team.iter_mut().take(MAPS_MAX) {
-            maps.push((agent.id().clone(), map(agent, replayed)?));
+            maps.push(map(agent, replayed)?);
         }
         let over_range = over_range(&mut team, replayed)?;
         let first = team.first().context("every log has a receiver")?;
@@ -69,7 +78,7 @@ impl Pictures {
 
 /// Draws the map of messages from a vehicle's last own position to typical receivers, at the time of its last own
 /// event.
-fn map(viewer: &mut Agent, replayed: &Replayed) -> anyhow::Result<Figure> {
+fn map(viewer: &mut Agent, replayed: &Replayed) -> anyhow::Result<MapPicture> {
     let events = &replayed.log.events;
     let last: Option<&Event> = viewer.events().last();
     let at = last.map_or(events[0].link.receiver, |event| event.link.receiver);
@@ -79,19 +88,28 @@ fn map(viewer: &mut Agent, replayed: &Replayed) -> anyhow::Result<Figure> {
     let ends = events.iter().flat_map(|event| event.link.ends());
     let area = Area::around(ends.chain([at]), None)?;
     let (at, depth_m) = (at.without_heading(), at.depth_m);
-    let query = MapQuery { at: &[at], seen: Seen::Tx, join: Join::All, depth_m, heading_deg: None, attempt: &attempt };
+    let extent = &DataExtent::of(events, []);
+    let (seen, join) = (Seen::Tx, Join::All);
+    let query = MapQuery { at: &[at], seen, join, depth_m, heading_deg: None, extent, attempt: &attempt };
     let map = SuccessMap::new(viewer, area, &query)?;
     let place = reference(replayed.log.reference)?;
     let content = FigureContent {
         events,
+        log: &replayed.whole.name,
         levels: &LEVELS,
         layers: &[Layer::Probability],
         title: None,
+        sentence: None,
         reference: Some(&place).filter(|place| place.system().is_known()),
         with_events: false,
+        hatch_width: HATCH_WIDTH,
         lines: &[],
     };
-    Ok(figure(&map, &content, Room::PLENTY))
+    let sentence = format!("A message from the last position of {}: {}", viewer.id(), {
+        let sentence = map.reach(&map.sides[0], LEVELS[1]).sentence();
+        sentence.replacen('H', "h", 1)
+    });
+    Ok(MapPicture { viewer: viewer.id().clone(), figure: figure(&map, &content, Room::SCREEN), sentence })
 }
 
 /// Draws the share of heard events over range, and the receivers' mean predictions for the same events.
@@ -117,7 +135,7 @@ fn over_range(team: &mut [Agent], replayed: &Replayed) -> anyhow::Result<Figure>
         Series { name: "heard", points: &heard, style: Style { mark: Mark::Square, ..HEARD } },
         Series { name: "predicted by the maps", points: &mean_predicted, style: PREDICTED },
     ];
-    Ok(curves("Share heard over range", ["range (m)", "share heard"], &series, Room::PLENTY, 320.0))
+    Ok(curves("Share heard over range", ["range (m)", "share heard"], &series, Room::SCREEN, 320.0))
 }
 
 /// Draws the share of heard events over the predicted probability. Calibrated probabilities lie on the diagonal.
@@ -138,8 +156,8 @@ pub fn calibration(calibrated: &Calibrated) -> Figure {
         "Predicted probability and share heard",
         ["predicted probability", "share heard"],
         &series,
-        Room { side: 420.0, ..Room::PLENTY },
-        420.0,
+        Room::SCREEN,
+        Room::SCREEN.side,
     )
 }
 
@@ -178,6 +196,6 @@ fn packets_figure(replayed: &Replayed, sent: &Sent) -> Figure {
         north,
         &groups,
         &tracks::tracks_as_series(&tracks),
-        Room::PLENTY.side,
+        Room::SCREEN.side,
     )
 }

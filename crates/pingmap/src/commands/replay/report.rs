@@ -7,7 +7,7 @@ use pingmap_agent::VehicleId;
 use pingmap_import::time_in_words;
 use pingmap_trial::{EventLog, PairCount, Preshared};
 
-use super::pictures::{PACKETS_DRAWN, Pictures, calibration};
+use super::pictures::{MapPicture, PACKETS_DRAWN, Pictures, calibration};
 use super::replayed::Replayed;
 use super::tables::{self, SHARING_HEADER};
 use crate::files::write_file;
@@ -15,8 +15,10 @@ use crate::log::WholeLog;
 use crate::model::InputDigests;
 use crate::output::{count, spinner};
 use crate::page::Page;
+use crate::success_map::HATCH_WIDTH;
 
-/// Writes the report to an existing folder, and returns the path of its page. `lead` adds sections before all others.
+/// Writes the report to an existing folder, and returns the path of its page. It starts with a map and its result.
+/// `lead` adds sections after that.
 pub fn write(
     replayed: &Replayed,
     command: &[String],
@@ -26,8 +28,8 @@ pub fn write(
     let bar = spinner("drawing the report");
     let pictures = Pictures::draw(replayed)?;
     let path = folder.join("index.html");
-    if let Some((_, map)) = pictures.maps.first() {
-        write_file(&folder.join("map.png"), &map.png()?)?;
+    if let Some(map) = pictures.maps.first() {
+        write_file(&folder.join("map.png"), &map.figure.png()?)?;
     }
     if let Some(packets) = &pictures.packets {
         write_file(&folder.join("packets.png"), &packets.png()?)?;
@@ -38,11 +40,24 @@ pub fn write(
 }
 
 fn html(replayed: &Replayed, command: &[String], pictures: &Pictures, lead: &dyn Fn(&mut Page)) -> String {
-    let mut page = Page::new("pingmap: will a message from here reach there?");
-    page.conclusion(&conclusion(replayed));
+    let mut page = Page::new(&format!("{}: where is a message heard?", replayed.whole.name));
+    let (first, others) = pictures.maps.split_at(pictures.maps.len().min(1));
+    if let [map] = first {
+        page.conclusion(&map.sentence);
+        add_map(&mut page, map, pictures);
+    }
+    page.heading("How good is the map?");
+    page.paragraph(&conclusion(replayed));
     lead(&mut page);
     scores(&mut page, replayed);
-    maps(&mut page, pictures);
+    for map in others {
+        page.heading(&format!("The map of {}", map.viewer));
+        page.paragraph(&map.sentence);
+        add_map(&mut page, map, pictures);
+    }
+    if pictures.maps.len() < pictures.vehicles {
+        page.paragraph(&format!("Maps of {} of {} vehicles are shown.", pictures.maps.len(), pictures.vehicles));
+    }
     the_log(&mut page, replayed, pictures);
     page.heading("Sent packets");
     match &pictures.packets {
@@ -92,12 +107,12 @@ fn conclusion(replayed: &Replayed) -> String {
 
 fn scores(page: &mut Page, replayed: &Replayed) {
     page.heading("How well are held-out events predicted?");
+    page.facts(&tables::LEGEND.map(|(name, meaning)| (name, meaning.to_owned())));
     page.table(&tables::score_header(replayed), &tables::score_rows(replayed));
     page.table(&SHARING_HEADER, &tables::sharing_rows(replayed));
     if replayed.replay.splits.len() > 1 {
         page.table(&tables::SPLIT_HEADER, &tables::split_rows(replayed));
     }
-    page.paragraph(tables::LEGEND);
     if !replayed.plan.alternatives.is_empty() {
         page.heading("Other uses of the same bytes");
         page.table(&tables::comparison_header(replayed), &tables::comparison_rows(replayed));
@@ -109,27 +124,24 @@ fn scores(page: &mut Page, replayed: &Replayed) {
             &calibration(calibrated),
             "Share of held-out events that were heard, over their predicted probability. Calibrated probabilities lie on the grey line.",
         );
+        page.paragraph(tables::RELIABILITY_LEGEND);
         page.table(&tables::RELIABILITY_HEADER, &tables::reliability_rows(calibrated));
         tables::coverage(calibrated).lines().for_each(|line| page.paragraph(line));
     }
 }
 
-fn maps(page: &mut Page, pictures: &Pictures) {
-    let Pictures { frames, split, maps, vehicles, .. } = pictures;
+fn add_map(page: &mut Page, map: &MapPicture, pictures: &Pictures) {
+    let Pictures { frames, split, .. } = pictures;
     let packets = if *frames == 1 { "a packet".to_owned() } else { format!("{frames} packets") };
-    for (viewer, map) in maps {
-        page.heading(&format!("The map of {viewer}"));
-        page.figure(
-            map,
-            &format!(
-                "Probability that a message from the last position of {viewer} is heard, predicted by {viewer} after every vehicle sent {packets} \
-                 (split {split}). The data say little where the map is hatched."
-            ),
-        );
-    }
-    if maps.len() < *vehicles {
-        page.paragraph(&format!("Maps of {} of {vehicles} vehicles are shown.", maps.len()));
-    }
+    let viewer = &map.viewer;
+    page.figure(
+        &map.figure,
+        &format!(
+            "Probability that a message from the last position of {viewer} is heard, predicted by {viewer} after every vehicle sent {packets} \
+             (split {split}). Hatched: not known, because the 90 % interval of the probability is wider than {HATCH_WIDTH}. Dotted rings \
+             show the distance from that position."
+        ),
+    );
 }
 
 fn the_log(page: &mut Page, replayed: &Replayed, pictures: &Pictures) {
@@ -149,6 +161,7 @@ pub fn pairs(page: &mut Page, log: &EventLog) {
         vec![format!("{from} → {to}"), (heard + missed).to_string(), heard.to_string(), format!("{share:.3}")]
     };
     let rows: Vec<Vec<String>> = log.pairs().iter().map(row).collect();
+    page.paragraph("Sent: messages that were sent while the receiver listened. Heard: those that it decoded.");
     page.table(&["from → to", "sent", "heard", "share heard"], &rows);
 }
 
@@ -156,6 +169,7 @@ fn provenance(replayed: &Replayed, command: &[String]) -> Vec<(&'static str, Str
     let Replayed { log, whole, plan, .. } = replayed;
     let of_replay = [
         ("model", tables::kernel_line(replayed)),
+        ("length-scale, variance", "distance over which the log-odds change, and their variance about the mean".into()),
         ("inference", tables::inference_line(replayed)),
         ("splits", format!("{}, seed {}", replayed.splits.len(), plan.seed)),
     ];

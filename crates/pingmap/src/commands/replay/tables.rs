@@ -45,7 +45,8 @@ pub fn text(replayed: &Replayed) -> String {
         let header = ["model learned from", "pooled, NLL", "± s.e.", "every vehicle, NLL", "± s.e."];
         text += &format!("\n\n{}", table(&header, &learner_rows(replayed, own)));
     }
-    text + "\n\n" + LEGEND
+    let legend = LEGEND.map(|(name, meaning)| format!("{name}: {meaning}"));
+    text + "\n\n" + &legend.join("\n")
 }
 
 /// Formats the comparison with one row for pingmap and one for each alternative, so that the table is narrow.
@@ -308,14 +309,26 @@ pub const SHARING_HEADER: [&str; 11] = [
 ];
 
 /// Explanations of the columns.
-pub const LEGEND: &str = "\
-NLL: negative log-likelihood of held-out events in nats; lower is better. Brier: mean squared error of the probability. Regret: ten \
-held-out positions are compared. It is the difference in success between the best one and the one that the model prefers. Better, \
-worse: paired differences of NLL over splits; ≈ marks those that are not significant. Reports: packets with outcomes of single \
-events. Known: share of the other vehicles' events that a vehicle has received one by one. Gap closed: position between own events \
-only (0 %) and all raw events in one place (100 %); a dash where that gap is not significant. Excluded: members whose data at least \
-one vehicle does not use in full. In rows of splits, the team is scored after most packets. Errors allow for splits that overlap \
-(Nadeau and Bengio 2003).";
+pub const LEGEND: [(&str, &str); 12] = [
+    ("accuracy", "share of held-out events whose outcome was predicted with a probability above 50 %"),
+    ("NLL", "negative log-likelihood of held-out events in nats; lower is better"),
+    ("± s.e.", "standard error over splits, which overlap (Nadeau and Bengio 2003)"),
+    ("Brier", "mean squared error of the probability"),
+    ("regret", "difference in success between the best of ten held-out positions and the one that the model prefers"),
+    ("bytes, reports", "sent by each vehicle; reports are packets with outcomes of single events"),
+    ("known", "share of the other vehicles' events that a vehicle has received one by one"),
+    ("better, worse", "paired differences of NLL over splits; ≈ marks those that are not significant"),
+    ("worst vehicle", "NLL of the vehicle with the highest NLL"),
+    ("gap closed", "position between own events only (0 %) and all raw events (100 %); a dash if not significant"),
+    ("excluded", "members whose data at least one vehicle does not use in full"),
+    ("rows of splits", "NLL of the distance, own events, the team after most packets, and all raw events"),
+];
+
+/// Explanation of [`RELIABILITY_HEADER`] and of [`coverage`].
+pub const RELIABILITY_LEGEND: &str = "\
+Rows are bins of predicted probability. For own events, the team, and all events in one place, the columns give the number of \
+held-out events, their mean prediction, and the share of them that was heard. The calibration error is the mean difference of the \
+last two. Simulated trials contain the true probability, with which intervals are compared.";
 
 /// Returns the name of an alternative; in brackets if the alternative cannot be sent.
 fn alternative_title(way: Alternative) -> String {
