@@ -5,7 +5,7 @@ use contour::ContourBuilder;
 use geo_types::{LineString, MultiPolygon};
 
 use super::antimeridian::cut_areas;
-use super::export::Export;
+use super::export::{Export, Quantity};
 use crate::success_map::{Cell, Side};
 
 /// An area with a probability between two levels, in degrees. Outer rings run counter-clockwise, holes clockwise.
@@ -61,7 +61,7 @@ fn between(export: &Export, values: &[f64], limits: &[f64]) -> anyhow::Result<Ve
 }
 
 /// The quantities that have contours, with their names in files.
-pub(super) const CONTOURED: [(&str, fn(&Cell) -> f64); 3] =
+pub(super) const CONTOURED: [Quantity; 3] =
     [("probability", |cell| cell.probability), ("lower", |cell| cell.lower), ("upper", |cell| cell.upper)];
 
 /// Converts a ring to degrees and orients it: counter-clockwise for a positive sign.

@@ -8,7 +8,10 @@ use super::antimeridian::cut_line;
 use crate::cli_enums::name_of;
 use crate::grid::Point;
 use crate::output::BadInput;
-use crate::success_map::{Side, SuccessMap};
+use crate::success_map::{Cell, Side, SuccessMap};
+
+/// Name of a quantity of a cell, and its accessor.
+pub(super) type Quantity = (&'static str, fn(&Cell) -> f64);
 
 /// A map with the content of its file.
 pub struct Export<'a> {

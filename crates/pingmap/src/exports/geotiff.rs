@@ -7,15 +7,11 @@ use tiff::encoder::colortype::Gray32Float;
 use tiff::encoder::{Compression, TiffEncoder};
 use tiff::tags::{ExtraSamples, Tag};
 
-use super::export::Export;
+use super::export::{Export, Quantity};
 use crate::output::BadInput;
-use crate::success_map::Cell;
-
-/// Name of a quantity of a cell, and its accessor.
-type Band = (&'static str, fn(&Cell) -> f64);
 
 /// Bands of a side.
-const BANDS: [Band; 4] = [
+const BANDS: [Quantity; 4] = [
     ("probability", |cell| cell.probability),
     ("lower", |cell| cell.lower),
     ("upper", |cell| cell.upper),
