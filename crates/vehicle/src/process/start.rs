@@ -1,4 +1,4 @@
-//! Starting: from a configuration to a vehicle and its open store.
+//! Opens the store and restores the vehicle of a configuration.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

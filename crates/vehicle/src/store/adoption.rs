@@ -1,4 +1,4 @@
-//! Giving a store to another team configuration.
+//! Assigns a store to another team configuration.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! Files of one folder: durable names, and writing a file aside before it takes its name.
+//! Durable renames, and replacement of a file in one step.
 
 use std::ffi::OsString;
 use std::fs::{self, File};

@@ -1,4 +1,4 @@
-//! Opening the store of a vehicle that has to start in spite of a damaged file.
+//! Opens the store of a vehicle, and replaces a damaged store.
 
 use std::path::{Path, PathBuf};
 

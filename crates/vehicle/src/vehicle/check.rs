@@ -4,16 +4,15 @@ use pingmap_agent::{Event, Geographic, Position, VehicleId, bounds};
 
 use crate::protocol::fault::{Fault, FaultCode};
 use crate::protocol::place::Place;
+use crate::vehicle::ledger::LEAD_S_MAX;
 use crate::vehicle::state::Vehicle;
-
-/// Longest lead of a time over the clock, in seconds.
-pub(crate) const LEAD_S_MAX: f64 = 86_400.0;
 
 impl Vehicle {
     /// Checks the time of an input. Times may be late: a host may report a position or a reception after others.
     pub(crate) fn check_time(&self, field: &str, time_s: f64) -> Result<(), Fault> {
         self.check_any_time(field, time_s)?;
-        let before_s = self.ledger.clock_s().or(self.after_gap.as_ref().map(|first| first.time_s));
+        let first_s = self.after_gap.as_ref().map(|first| first.time_s);
+        let before_s = self.ledger.clock_s().into_iter().chain(first_s).reduce(f64::max);
         match before_s {
             Some(before_s) if time_s - before_s > LEAD_S_MAX => {
                 let expected = format!("at most a day after {before_s}, the time of the last nav");

@@ -14,7 +14,7 @@ use crate::vehicle::record::Record;
 use crate::vehicle::slots::{CLOCK, SURFACED, failed};
 use crate::vehicle::state::{Output, Vehicle};
 
-/// Slots among which the latest one of a member is looked for.
+/// Maximum number of slots that are searched for the latest slot of a member.
 const SLOTS_BACK_MAX: usize = 1000;
 
 /// Records after which the store gets another base.
@@ -43,6 +43,8 @@ impl Vehicle {
     pub fn begin_host(&mut self) {
         self.has_greeted = false;
         self.inputs = 0;
+        // Nobody could report receptions meanwhile.
+        (self.is_starting, self.after_gap) = (true, None);
     }
 
     /// Ends without a message of the host. Returns what the process has to do, as for `stop`.
@@ -109,22 +111,19 @@ impl Vehicle {
     }
 
     /// Checks the times of a message.
-    fn check_times(&mut self, input: &Input) -> Result<(), Fault> {
+    fn check_times(&self, input: &Input) -> Result<(), Fault> {
         match input {
             Input::Heard(Heard { time, .. })
             | Input::Nmea(Nmea { time, .. })
             | Input::FrameIn(FrameIn { time, .. })
-            | Input::PiggybackIn(PiggybackIn { time, .. }) => {
-                self.check_time("time", *time)?;
-                self.arrival_s = self.arrival_s.max(*time);
-            }
-            Input::Peer(Peer { time, .. })
+            | Input::PiggybackIn(PiggybackIn { time, .. })
+            | Input::Peer(Peer { time, .. })
             | Input::Sent(At { time, .. })
             | Input::NotSent(At { time, .. })
             | Input::Departed(Departed { time, .. })
             | Input::FrameRequest(FrameRequest { time, .. })
             | Input::PiggybackRequest(PiggybackRequest { time, .. }) => self.check_time("time", *time)?,
-            // The clock may follow these times, and a query may be about any time.
+            // Navigation may follow a gap of days, and a query may be about any time.
             Input::Nav(Nav { time, .. }) | Input::Predict(Predict { time: Some(time), .. }) => {
                 self.check_any_time("time", *time)?;
             }
@@ -210,13 +209,14 @@ impl Vehicle {
         self.check_sigma("clock_sigma", nav.clock_sigma)?;
         self.check_sigma("sigma", nav.sigma)?;
         self.position("position", &nav.position)?;
-        if self.advance_clock(nav.time)? {
+        let advanced = self.advance_clock(nav.time);
+        if advanced == Ok(true) {
             return self.apply_nav(nav);
         }
         if let Some(first) = &mut self.after_gap {
-            first.nav = Some(nav.clone());
+            first.nav = Some(*nav);
         }
-        Ok(())
+        advanced.map(drop)
     }
 
     /// Applies navigation whose time the clock has reached.
@@ -265,11 +265,13 @@ impl Vehicle {
         Ok(())
     }
 
-    /// Returns the time of a position in a message, within the latest slot of its member. A position before the slot of
-    /// its message would predict that slot if it was heard. A position after it would locate the slot.
+    /// Returns the time of a position in a message: within the slot in which the message arrived. A position before the
+    /// slot would predict that slot only if it was heard. A position after the slot would locate only heard slots.
     fn arrival_s(&self, peer: &Peer) -> f64 {
         let slots = &self.agent.team().slots;
-        let now_s = self.arrival_s.max(peer.time).max(self.ledger.clock_s().unwrap_or(f64::NEG_INFINITY));
+        let arrival_s = self.arrivals_s.get(&peer.member).copied();
+        let now_s =
+            arrival_s.unwrap_or_else(|| self.ledger.clock_s().map_or(peer.time, |clock_s| clock_s.max(peer.time)));
         let latest = slots.number(now_s).into_iter().flat_map(|latest| (0..=latest).rev());
         let slot = latest.take(SLOTS_BACK_MAX).find(|&slot| slots.sender(slot) == Some(&peer.member));
         match slot.and_then(|slot| span_s(slots, slot)) {
@@ -311,7 +313,11 @@ impl Vehicle {
     }
 
     fn note_listening(&mut self, Listening { from, to, not }: Listening) -> Result<(), Fault> {
-        self.advance_clock(from)?;
+        // Navigation alone begins the count, and ends a gap.
+        let is_near = self.ledger.clock_s().is_some_and(|clock_s| from - clock_s <= self.config.clock.gap_s);
+        if is_near && !self.is_starting {
+            self.advance_clock(from)?;
+        }
         self.change_ledger(match not {
             Some(reason) => LedgerRecord::Deaf { from_s: from, to_s: to, reason: shortened(&reason) },
             None => LedgerRecord::Listened { from_s: from, to_s: to },

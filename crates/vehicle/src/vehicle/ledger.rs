@@ -10,8 +10,14 @@ use crate::protocol::input::Nav;
 /// Intervals in which the vehicle could not receive, at most. The oldest are forgotten.
 const INTERVALS_MAX: usize = 10_000;
 
-/// Counted slots of which receptions are known. A reception that is reported twice is not late.
+/// Number of counted slots whose receptions stay stored. A repeated report of one of them is not late.
 const HEARD_KEPT: u32 = 64;
+
+/// Longest lead of a time over the clock, in seconds: one day.
+pub(crate) const LEAD_S_MAX: f64 = 86_400.0;
+
+/// Jumps of the clock that are stored, at most.
+const JUMPS_MAX: usize = 100;
 
 /// Different reasons that are counted. Further ones are counted as other reasons.
 const REASONS_MAX: usize = 32;
@@ -36,11 +42,13 @@ pub(crate) enum LedgerRecord {
     Listened { from_s: f64, to_s: f64 },
     /// All slots before `next` are counted. Some of them did not count, by reason.
     Settled { next: u32, excluded: BTreeMap<String, u64> },
+    /// The clock was wrong by more than a day, and goes back. Slots before `next` were counted.
+    Restarted { next: u32 },
     /// The clock of the vehicle reached this time.
     Handled { time_s: f64 },
 }
 
-/// The first report after a gap. Its time may be wrong: the second report confirms it.
+/// The first report after a start or gap. Its time may be wrong. The second report confirms it.
 #[derive(Debug, Clone)]
 pub(crate) struct AfterGap {
     pub(crate) time_s: f64,
@@ -63,6 +71,8 @@ pub(crate) struct Ledger {
     next: u32,
     /// The clock: the latest time of navigation or of listening.
     clock_s: Option<f64>,
+    /// Times of the clock before it moved by more than a day.
+    jumps_s: Vec<f64>,
     heard: BTreeSet<u32>,
     sent: BTreeSet<u32>,
     deaf: Vec<(f64, f64, String)>,
@@ -98,8 +108,13 @@ impl Ledger {
                 self.heard = self.heard.split_off(&self.next.saturating_sub(HEARD_KEPT));
                 self.sent = self.sent.split_off(&self.next);
             }
+            LedgerRecord::Restarted { next } => *self = Self { next: *next, ..std::mem::take(self).restarted() },
             LedgerRecord::Handled { time_s } => {
-                self.clock_s = Some(self.clock_s.map_or(*time_s, |clock_s| clock_s.max(*time_s)));
+                let clock_s = self.clock_s.unwrap_or(*time_s);
+                if time_s - clock_s > LEAD_S_MAX && self.jumps_s.len() < JUMPS_MAX {
+                    self.jumps_s.push(clock_s);
+                }
+                self.clock_s = Some(clock_s.max(*time_s));
             }
         }
     }
@@ -133,6 +148,13 @@ impl Ledger {
         self.clock_s
     }
 
+    /// Returns the first slot that was not counted before the clock jumped to a time from which it returns to `time_s`.
+    pub(crate) fn next_before_jump(&self, slots: &Slots, time_s: f64) -> u32 {
+        let earlier = self.jumps_s.iter().copied().filter(|&jump_s| jump_s <= time_s).reduce(f64::max);
+        let jump_s = earlier.or_else(|| self.jumps_s.iter().copied().reduce(f64::min));
+        jump_s.and_then(|jump_s| slots.number(jump_s)).map_or(0, |slot| slot + 1)
+    }
+
     /// Returns the first slot that is not counted.
     pub(crate) fn next(&self) -> u32 {
         self.next
@@ -149,8 +171,8 @@ impl Ledger {
         self.next..end.max(self.next)
     }
 
-    /// Returns the ledger for another schedule: slots have other numbers there.
-    pub(crate) fn for_other_team(self) -> Self {
+    /// Returns the ledger for a new count: with another schedule, or after a wrong clock.
+    pub(crate) fn restarted(self) -> Self {
         Self { excluded: self.excluded, ..Self::default() }
     }
 

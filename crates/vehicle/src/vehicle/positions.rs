@@ -7,7 +7,7 @@ use pingmap_agent::{Position, VehicleId};
 /// Age at which positions are forgotten, in seconds.
 const AGE_S_MAX: f64 = 3600.0;
 
-/// Positions of one vehicle, at most. Further ones in the future are left out.
+/// Maximum number of positions of one vehicle. The latest ones are dropped first.
 const FIXES_MAX: usize = 20_000;
 
 /// Least time between two positions of one vehicle, in seconds.

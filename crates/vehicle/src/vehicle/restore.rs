@@ -1,4 +1,4 @@
-//! Begins with the content of a store.
+//! Restores a vehicle from the content of a store.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -39,7 +39,7 @@ struct Rest {
     ledger: Ledger,
     scores: Scores,
     late_receptions: u64,
-    /// Digest of the team, by which slots and frames have their numbers.
+    /// Digest of the team configuration that numbers these slots and frames.
     team: String,
     /// Counters of the next own packet by the digest of each team configuration so far.
     counters: BTreeMap<String, u32>,
@@ -53,7 +53,9 @@ impl Vehicle {
     pub(crate) fn base(&self) -> Vec<u8> {
         let snapshot = self.agent.snapshot();
         let mut counters = self.former_counters.clone();
-        counters.insert(self.team_digest(), self.agent.next_counter());
+        // Used counters are unknown if the vehicle is silent.
+        let next = if self.silence.is_some() { u32::from(u16::MAX) + 1 } else { self.agent.next_counter() };
+        counters.insert(self.team_digest(), next);
         let rest = Rest {
             ledger: self.ledger.clone(),
             scores: self.scores.clone(),
@@ -110,7 +112,7 @@ impl Vehicle {
                 record => vehicle.apply(record).map_err(wrong)?,
             }
         }
-        vehicle.ledger = vehicle.ledger.for_other_team();
+        vehicle.ledger = vehicle.ledger.restarted();
         vehicle.raise_former_counter(&to_hex(former_digest), sent);
         Ok(vehicle)
     }
@@ -147,7 +149,7 @@ impl Vehicle {
         vehicle.begin_snapshot();
         Ok(match team == digest {
             true => Self { ledger, silence, open_frames, ..vehicle },
-            false => Self { ledger: ledger.for_other_team(), ..vehicle },
+            false => Self { ledger: ledger.restarted(), ..vehicle },
         })
     }
 
@@ -155,8 +157,8 @@ impl Vehicle {
         to_hex(&self.agent.team().digest())
     }
 
-    /// Notes that frames were sent under a former team configuration. Their counters are unknown: the window covers
-    /// those that other packets had raised.
+    /// Raises the counter of a former team configuration by the frames that were sent after the base, and by one window
+    /// for packets of unknown origin.
     fn raise_former_counter(&mut self, digest: &str, sent: u32) {
         let window = u32::from(self.agent.team().packets_per_sender_max);
         *self.former_counters.entry(digest.into()).or_default() += sent + window;
@@ -187,9 +189,9 @@ impl Vehicle {
         Ok(())
     }
 
-    /// Continues after the store was damaged, with what a snapshot held. Entries after the snapshot are lost, so that
-    /// counters of packets may have been used that the vehicle does not know: it skips a window of them. Without a
-    /// snapshot it cannot know any, and sends nothing. Returns the base for the store.
+    /// Continues from a snapshot after the store was damaged. Packets after the snapshot may have used further
+    /// counters, so that the vehicle skips a window. Without a snapshot the used counters are unknown, and the vehicle
+    /// sends nothing. Returns the base for the store.
     pub fn note_recovery(&mut self, has_snapshot: bool, problem: &str) -> Vec<u8> {
         let mut warning = format!("the store was damaged ({problem}); ");
         if has_snapshot {

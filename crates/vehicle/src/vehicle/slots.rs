@@ -18,6 +18,10 @@ pub(crate) const CLOCK: &str = "clock uncertain";
 impl Vehicle {
     /// Notes that a message of another member arrived at a time.
     pub(crate) fn note_reception(&mut self, from: &VehicleId, time_s: f64) -> Result<(), Fault> {
+        if self.ledger.clock_s().is_some_and(|clock_s| time_s - clock_s <= self.config.clock.gap_s) {
+            let latest_s = self.arrivals_s.entry(from.clone()).or_insert(time_s);
+            *latest_s = latest_s.max(time_s);
+        }
         match self.agent.team().slots.sent_in(time_s, from) {
             Some(slot) if self.ledger.has_heard(slot) => {}
             Some(slot) if self.ledger.is_settled(slot) => self.late_receptions += 1,
@@ -110,7 +114,7 @@ impl Vehicle {
             Some(event) => self.agent.record([event])?,
             None => self.agent.record_outcome(from, time_s, heard)?.into_iter().collect(),
         };
-        // Later slots are predicted by the copies, which may use this outcome.
+        // The copies predict later slots, so that they need this outcome, too.
         for agent in self.copies.values_mut() {
             entries.iter().try_for_each(|entry| agent.apply(entry.clone()).map(drop))?;
         }
@@ -124,8 +128,8 @@ impl Vehicle {
         Ok(())
     }
 
-    /// Predicts the event of a slot from own earlier events, and from what had arrived at the first report in an
-    /// earlier slot. Data that arrive with the message itself would make the prediction depend on the outcome.
+    /// Predicts the event of a slot with the last copy from an earlier slot. Data that arrive with the message itself
+    /// would reveal the outcome.
     fn score(&mut self, event: &Event, slot: u32) -> Result<Score, AgentError> {
         let copy = self.copies.range_mut(..slot).next_back();
         let agent = copy.map_or(&mut self.agent, |(_, agent)| agent);

@@ -54,12 +54,12 @@ pub struct Vehicle {
     /// Warnings of the start, for the greeting.
     pub(crate) warnings: Vec<String>,
     pub(crate) has_greeted: bool,
-    /// Whether the clock has not moved since the start.
+    /// Whether the clock has not moved since the process or its host started. No slot counts until then.
     pub(crate) is_starting: bool,
     /// The first report after a gap, until the second one confirms it.
     pub(crate) after_gap: Option<AfterGap>,
-    /// Latest time of an arrival.
-    pub(crate) arrival_s: f64,
+    /// Latest time of a reported reception by member, in seconds.
+    pub(crate) arrivals_s: BTreeMap<VehicleId, f64>,
     pub(crate) inputs: u64,
     pub(crate) late_receptions: u64,
     /// Time of the last stored own position.
@@ -70,9 +70,9 @@ pub struct Vehicle {
     pub(crate) base_s: Option<f64>,
     /// Counter of the next own packet in the last snapshot.
     pub(crate) snapshot_counter: u32,
-    /// That of the snapshot before it, which remains if the last one cannot be written.
+    /// That of the snapshot before it. It applies again if the last snapshot cannot be written.
     pub(crate) former_snapshot_counter: u32,
-    /// Counters of the next own packet by the digest of former team configurations.
+    /// A counter that no own packet has reached, by the digest of each team configuration so far.
     pub(crate) former_counters: BTreeMap<String, u32>,
     /// Records since the last base.
     pub(crate) records_after_base: usize,
@@ -109,7 +109,7 @@ impl Vehicle {
             has_greeted: false,
             is_starting: true,
             after_gap: None,
-            arrival_s: f64::NEG_INFINITY,
+            arrivals_s: BTreeMap::new(),
             inputs: 0,
             late_receptions: 0,
             stored_nav_s: None,

@@ -52,7 +52,7 @@ impl Scores {
         }
     }
 
-    /// Returns the mean of the share heard under a uniform prior.
+    /// Returns the posterior mean of the share heard, under a uniform prior.
     fn share_heard(&self) -> f64 {
         let heard = self.latest.iter().filter(|score| score.heard).count();
         (heard as f64 + 1.0) / (self.latest.len() as f64 + 2.0)

@@ -5,11 +5,14 @@
 #![allow(clippy::unwrap_used)]
 
 mod common;
+mod host;
 mod sim_disk;
 
+mod clock;
 mod damage;
 mod handling;
 mod identity;
+mod persistence;
 mod power_loss;
 mod recovery;
 mod refusals;
