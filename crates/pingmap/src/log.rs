@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use pingmap_agent::{Link, VehicleId};
-use pingmap_trial::{EventLog, FileError, Split, open, thin};
+use pingmap_trial::{EventLog, FileError, Problem, Split, open, thin};
 
 use crate::interruptible::Interruptible;
 use crate::output::{BadInput, warn};
@@ -107,7 +107,13 @@ impl Logs {
 
 fn read_log(path: &Path) -> anyhow::Result<EventLog> {
     let (reader, name) = opened(path)?;
-    Ok(EventLog::read(reader, name)?)
+    EventLog::read(reader, name).map_err(|error| match error.problem {
+        Problem::MissingColumns { .. } | Problem::BadValue { .. } => BadInput(format!(
+            "{error}\npingmap import --events reads tables with other columns, dates, degrees and words for the outcome."
+        ))
+        .into(),
+        _ => error.into(),
+    })
 }
 
 /// Opens a file, or standard input for `-`. Also returns the name for messages.

@@ -62,7 +62,7 @@ fn a_folder_is_refused_as_a_log() {
 fn a_wrong_header_is_refused() {
     refused("when,who,what\n1,a,b\n", &["events.csv", "line 1", "time_s", "success", "found when,who,what"]);
     let without_success = HEADER.replace(",success", "");
-    refused(format!("{without_success}\n1,a,b,0,0,1,1\n"), &["lacks the column success"]);
+    refused(format!("{without_success}\n1,a,b,0,0,1,1\n"), &["lacks the column success", "pingmap import --events"]);
     refused(format!("{HEADER},success\n1,a,b,0,0,1,1,1,1\n"), &["success", "more than once"]);
 }
 
@@ -70,6 +70,24 @@ fn a_wrong_header_is_refused() {
 fn text_in_a_number_column_is_refused() {
     refused(with_line("2,a,b,0,zero,1,1,1"), &["events.csv", "line 3", "tx_northing_m", "\"zero\"", "a finite number"]);
     refused(with_line("noon,a,b,0,0,1,1,1"), &["line 3", "time_s", "\"noon\""]);
+}
+
+#[test]
+fn a_refused_table_of_events_is_read_by_the_command_in_the_message() {
+    let folder = tempfile::tempdir().unwrap();
+    let rows: String = (0..60)
+        .map(|n| {
+            let (minute, heard) = (n % 60, if n % 3 == 0 { "no" } else { "yes" });
+            format!("2026-05-04T10:{minute:02}:00Z,a,b,41.5,-70.6,41.5{n:02},-70.6,{heard}\n")
+        })
+        .collect();
+    let header = "time,sender,receiver,tx_latitude,tx_longitude,rx_latitude,rx_longitude,success\n";
+    std::fs::write(folder.path().join("events.csv"), header.to_owned() + &rows).unwrap();
+    refused_command(folder.path(), &["check", "events.csv"], &["lacks the columns", "pingmap import --events"]);
+    let read = pingmap(folder.path(), &["import", "--events", "events.csv", "-o", "read.csv"]);
+    assert!(read.status.success(), "{}", stderr(&read));
+    let checked = pingmap(folder.path(), &["check", "read.csv"]);
+    assert!(checked.status.success(), "{}", stderr(&checked));
 }
 
 #[test]
