@@ -49,7 +49,7 @@ pub use event_log::{EventLog, REQUIRED_COLUMNS};
 pub use ignored::Ignored;
 pub use learning::{Added, learn};
 pub use mission::{Mission, Traffic, probabilities, send_frames, transmissions};
-pub use online::{Online, Step, TrafficPlan, online, record_and_refit};
+pub use online::{Observer, Online, Step, TrafficPlan, Vehicles, online, online_observed, record_and_refit};
 pub use plan::{ModelSource, Plan, Preshared};
 pub use replay::{Calibrated, Replay, ReplayError, Sharing, SplitNll, SplitSummary, replay};
 pub use schedule::schedule;

@@ -94,6 +94,32 @@ impl Step {
 /// # Errors
 /// Returns [`AgentError`] for a numerical failure.
 pub fn online(log: &EventLog, plan: &Plan, traffic: TrafficPlan, step: &dyn Fn()) -> Result<Online, AgentError> {
+    let nothing = Observer { times_s: &[], observe: &mut |_, _| Ok(()) };
+    online_observed(log, plan, traffic, step, nothing)
+}
+
+/// Vehicles of a mission in progress.
+pub type Vehicles = BTreeMap<VehicleId, Agent>;
+
+/// An observer of a mission in progress. It cannot change the vehicles, so that scores do not depend on it.
+pub struct Observer<'a, E> {
+    /// Times of the observations in seconds, in ascending order.
+    pub times_s: &'a [f64],
+    /// Function that gets each time, and all receivers of the log after the transmissions up to that time.
+    pub observe: &'a mut dyn FnMut(f64, &Vehicles) -> Result<(), E>,
+}
+
+/// Runs the mission as [`online`] does, and shows the vehicles to an observer at some times.
+///
+/// # Errors
+/// Returns [`AgentError`] for a numerical failure, and the errors of the observer.
+pub fn online_observed<E: From<AgentError>>(
+    log: &EventLog,
+    plan: &Plan,
+    traffic: TrafficPlan,
+    step: &dyn Fn(),
+    observer: Observer<E>,
+) -> Result<Online, E> {
     let (team, _) = plan.team(log, None)?;
     // Piggybacking is requested explicitly, so a key does not turn it off.
     let piggyback = if traffic.piggyback_bytes > 0 { Some(true) } else { team.piggyback };
@@ -103,10 +129,16 @@ pub fn online(log: &EventLog, plan: &Plan, traffic: TrafficPlan, step: &dyn Fn()
         Preshared::Model(_) | Preshared::Team(_) => Some(plan.model_before_data(log, &team.model)?),
     };
     let mut mission = Run::new(log, Arc::new(team), plan, traffic, alternative)?;
+    let Observer { times_s, observe } = observer;
+    let mut times_s = times_s.iter().copied().peekable();
     for transmission in &transmissions(&log.events) {
+        while let Some(time_s) = times_s.next_if(|&time_s| time_s < transmission[0].time_s) {
+            observe(time_s, &mission.vehicles)?;
+        }
         mission.transmit(transmission)?;
         transmission.iter().for_each(|_| step());
     }
+    times_s.try_for_each(|time_s| observe(time_s, &mission.vehicles))?;
     Ok(mission.finish())
 }
 
@@ -114,10 +146,10 @@ pub fn online(log: &EventLog, plan: &Plan, traffic: TrafficPlan, step: &dyn Fn()
 struct Run<'a> {
     plan: &'a Plan,
     traffic: TrafficPlan,
-    vehicles: BTreeMap<VehicleId, Agent>,
+    vehicles: Vehicles,
     /// Copies of the vehicles without received data, if predictions are averages. Otherwise own posteriors are
     /// equivalent.
-    alone: BTreeMap<VehicleId, Agent>,
+    alone: Vehicles,
     centralised: Agent,
     /// Links and outcomes of the earlier events of every receiver.
     earlier: BTreeMap<VehicleId, (Vec<Link>, Vec<bool>)>,
@@ -141,7 +173,7 @@ impl<'a> Run<'a> {
             Ok(agent)
         };
         let vehicle = |id: VehicleId| Ok((id.clone(), agent(id, options)?));
-        let vehicles = log.vehicles().into_iter().map(vehicle).collect::<Result<BTreeMap<_, _>, AgentError>>()?;
+        let vehicles = log.vehicles().into_iter().map(vehicle).collect::<Result<Vehicles, AgentError>>()?;
         let shore = AgentOptions { record_all_receivers: true, ..options };
         Ok(Self {
             plan,

@@ -4,7 +4,9 @@ use std::path::Path;
 
 use dgpc::Shape;
 use pingmap_agent::*;
-use pingmap_trial::{DistanceOnly, EventLog, Online, Plan, Preshared, Step, TrafficPlan, online};
+use pingmap_trial::{
+    DistanceOnly, EventLog, Observer, Online, Plan, Preshared, Step, TrafficPlan, Vehicles, online, online_observed,
+};
 
 /// Returns the first third of a log with three vehicles.
 fn log() -> EventLog {
@@ -50,4 +52,29 @@ fn range_only_is_fitted_to_earlier_events_of_the_receiver() {
     assert_eq!(step.earlier, links.len());
     assert!((step.range_only + (if last.success { success } else { 1.0 - success }).ln()).abs() < 1e-9);
     assert_eq!(online.steps.iter().filter(|step| step.earlier == 0).count(), log.vehicles().len());
+}
+
+#[test]
+fn an_observer_sees_every_event_up_to_its_times_and_changes_no_score() {
+    let log = log();
+    let (plan, traffic) = (Plan::new(Learning::default(), 1), TrafficPlan { slot_every: Some(10), piggyback_bytes: 2 });
+    let mut times: Vec<f64> = log.events.iter().map(|event| event.time_s).collect();
+    times.sort_by(f64::total_cmp);
+    // Before the first event, at an event, between two events, and after the last.
+    let middle = times[times.len() / 2];
+    let times_s = [times[0] - 1.0, middle, middle + 1e-3, times[times.len() - 1] + 1.0];
+    let mut seen = Vec::new();
+    let mut observe = |time_s, vehicles: &Vehicles| {
+        for (id, agent) in vehicles {
+            let expected = log.events.iter().filter(|event| event.receiver_id == *id && event.time_s <= time_s);
+            assert_eq!(agent.events().len(), expected.count(), "{id} at {time_s} s");
+            agent.clone().predict_intervals([log.events[0].query()])?;
+        }
+        seen.push(time_s);
+        Ok::<(), AgentError>(())
+    };
+    let observer = Observer { times_s: &times_s, observe: &mut observe };
+    let observed = online_observed(&log, &plan, traffic, &|| (), observer).unwrap();
+    assert_eq!(seen, times_s);
+    assert_eq!(observed.steps, online(&log, &plan, traffic, &|| ()).unwrap().steps);
 }
