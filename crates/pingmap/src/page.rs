@@ -67,6 +67,12 @@ impl Page {
         );
     }
 
+    /// Adds a part in HTML as it is, without escaping.
+    pub fn embed(&mut self, html: &str) {
+        self.html += html;
+        self.html.push('\n');
+    }
+
     /// Returns the finished page.
     pub fn finish(self) -> String {
         self.html + "</body>\n</html>\n"

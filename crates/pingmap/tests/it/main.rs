@@ -13,6 +13,7 @@ mod command_line;
 mod documentation;
 mod documents;
 mod evaluation;
+mod film;
 mod help;
 mod hostile_files;
 mod import;

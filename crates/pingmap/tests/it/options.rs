@@ -65,6 +65,7 @@ const ONLINE: &[Case] = &[
     ("--online", "", ""),
     ("--slot-every", "3", "--online"),
     ("--piggyback-bytes", "2", "--online"),
+    ("--animate", "mission.html", "--online"),
     ("--splits", "splits.csv", "--frames 1"),
 ];
 

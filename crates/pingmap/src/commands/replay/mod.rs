@@ -7,6 +7,7 @@ pub mod json;
 mod scores;
 mod pictures;
 pub mod report;
+mod film;
 pub mod online;
 
 use std::path::{Path, PathBuf};
@@ -23,10 +24,10 @@ use crate::log::{LOG_AND_MODEL, Logs, WholeLog, thinned};
 use crate::model::{HAS_SEEN_LOG, log_digests, open_model, preshared_model};
 use crate::options::{ModelOptions, RESULT, Work};
 use crate::output::{BadInput, Results, note, print_json, print_text, warn};
-use crate::output_target::Overwrite;
+use crate::output_target::{Overwrite, STANDARD_OUTPUT};
 use crate::reference::ReferenceOptions;
 use crate::team::{open_key, open_team};
-use online::OnlineMission;
+use online::{OnlineFiles, OnlineMission};
 pub use replayed::Replayed;
 
 /// Help headings of groups of options.
@@ -81,6 +82,11 @@ pub struct Options {
     /// Also write a report with maps to this folder
     #[arg(help_heading = RESULT, long, value_name = "DIR")]
     pub report: Option<PathBuf>,
+    /// With --online: also write a film of the mission, a page for browsers that needs no other file
+    ///
+    /// The page shows the tracks, the messages, and the map of each vehicle at 24 times of the mission.
+    #[arg(help_heading = RESULT, long, value_name = "FILE", requires = "online")]
+    pub animate: Option<PathBuf>,
     #[command(flatten)]
     pub overwrite: Overwrite,
     /// The data from which models are learned
@@ -189,6 +195,28 @@ impl Options {
         run(self, results)
     }
 
+    /// Checks that the film can be written next to the other results.
+    fn check_animation(&self, path: &Path, inputs: &[&Path]) -> anyhow::Result<()> {
+        let problem = match () {
+            () if path == Path::new(STANDARD_OUTPUT) => "the scores go to standard output",
+            () if self.is_report_page(path) => "that is the page of the report",
+            () => return self.overwrite.target(path, inputs).map(drop),
+        };
+        let name = path.display();
+        Err(BadInput(format!("--animate {name}: {problem}; expected another file, such as mission.html")).into())
+    }
+
+    fn is_report_page(&self, path: &Path) -> bool {
+        let resolved = |folder: &Path| Path::new(".").join(folder).canonicalize().ok();
+        let Some(report) = self.report.as_deref().and_then(resolved) else { return false };
+        path.file_name() == Some("index.html".as_ref()) && path.parent().and_then(resolved) == Some(report)
+    }
+
+    /// Returns the paths of the files of a replay in the order of time.
+    fn files(&self) -> OnlineFiles<'_> {
+        OnlineFiles { report: self.report.as_deref(), film: self.animate.as_deref() }
+    }
+
     /// Returns the paths of all input files.
     fn inputs(&self) -> Vec<&Path> {
         let others = [&self.splits, &self.model, &self.sharing.team, &self.sharing.key_file];
@@ -200,6 +228,9 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let inputs = options.inputs();
     if let Some(folder) = &options.report {
         options.overwrite.report_folder(folder, &inputs)?;
+    }
+    if let Some(path) = &options.animate {
+        options.check_animation(path, &inputs)?;
     }
     let splits_target =
         options.write_splits.as_deref().map(|path| options.overwrite.target(path, &inputs)).transpose()?;
@@ -220,7 +251,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     if options.online {
         let (log, _) = thinned(log, Vec::new(), options.work.events_max, options.work.seed);
         let mission = OnlineMission { plan, has_seen_log, traffic: traffic(options), seed: options.work.seed, whole };
-        return mission.run(&log, results, options.json, options.report.as_deref());
+        return mission.run(&log, results, options.json, options.files());
     }
     let splits = match &options.splits {
         Some(path) => read_splits(path, &log)?,

@@ -4,10 +4,11 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use pingmap_trial::{EventLog, Online, Plan, Preshared, Step, TrafficPlan};
+use pingmap_trial::{EventLog, Observer, Online, Plan, Preshared, Step, TrafficPlan, Vehicles, online_observed};
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use super::film;
 use super::report::{of_log, of_run, pairs};
 use crate::figure::{Figure, Mark, Room, Series, Style, curves};
 use crate::files::write_file;
@@ -58,20 +59,53 @@ pub struct OnlineMission {
     pub whole: WholeLog,
 }
 
+/// Files that are written in addition to the printed scores.
+pub struct OnlineFiles<'a> {
+    /// Folder of the report.
+    pub report: Option<&'a Path>,
+    /// Page of the film.
+    pub film: Option<&'a Path>,
+}
+
 impl OnlineMission {
-    pub fn run(&self, log: &EventLog, results: Results, as_json: bool, report: Option<&Path>) -> anyhow::Result<()> {
-        let bar = progress(log.events.len() as u64, "replaying in the order of time");
-        let online = pingmap_trial::online(log, &self.plan, self.traffic, &|| bar.inc(1))?;
-        bar.finish_and_clear();
+    pub fn run(&self, log: &EventLog, results: Results, as_json: bool, files: OnlineFiles) -> anyhow::Result<()> {
+        let mut recorder = files.film.map(|_| film::Recorder::new(log)).transpose()?;
+        let online = self.replay(log, recorder.as_mut())?;
         let command = results.command().to_vec();
         match as_json {
             true => print_json(results, &OnlineJson::of(&online, self))?,
             false => print_text(results, &self.text(&online))?,
         }
-        if let Some(folder) = report {
+        if let Some(folder) = files.report {
             note(format_args!("report: {}", self.write_report((&online, log), &command, folder)?.display()));
         }
+        if let (Some(path), Some(recorder)) = (files.film, recorder) {
+            let page = film::page(&recorder.finish(self.whole.name.clone()), &self.provenance(log, &command))?;
+            write_file(path, page.as_bytes())?;
+            note(format_args!("film: {}", path.display()));
+        }
         Ok(())
+    }
+
+    /// Replays the mission with a progress bar, and records the film if there is a recorder.
+    fn replay(&self, log: &EventLog, mut recorder: Option<&mut film::Recorder>) -> anyhow::Result<Online> {
+        let times_s = recorder.as_ref().map(|recorder| recorder.times_s()).unwrap_or_default();
+        let steps = log.events.len() + times_s.len() * log.vehicles().len();
+        let bar = progress(steps as u64, "replaying in the order of time");
+        let step = || bar.inc(1);
+        let mut observe = |time_s, vehicles: &Vehicles| {
+            recorder.as_mut().map_or(Ok(()), |recorder| recorder.record(time_s, vehicles, &step))
+        };
+        let observer = Observer { times_s: &times_s, observe: &mut observe };
+        let online = online_observed(log, &self.plan, self.traffic, &step, observer)?;
+        bar.finish_and_clear();
+        Ok(online)
+    }
+
+    /// Returns facts about the log, the model and the run.
+    fn provenance(&self, log: &EventLog, command: &[String]) -> Vec<(&'static str, String)> {
+        let seed = vec![("seed", self.seed.to_string())];
+        [of_log(log, &self.whole, &self.plan.preshared), seed, of_run(command)].concat()
     }
 
     fn headline(&self, online: &Online) -> String {
@@ -152,8 +186,7 @@ impl OnlineMission {
         html.heading("Received messages");
         pairs(&mut html, log);
         html.heading("Provenance");
-        let seed = vec![("seed", self.seed.to_string())];
-        html.facts(&[of_log(log, &self.whole, &self.plan.preshared), seed, of_run(command)].concat());
+        html.facts(&self.provenance(log, command));
         write_file(&page, html.finish().as_bytes())?;
         Ok(page)
     }

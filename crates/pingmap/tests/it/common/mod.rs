@@ -1,5 +1,7 @@
 //! Runs the program, and writes logs for it.
 
+#[cfg(unix)]
+pub mod browser;
 pub mod mission;
 pub mod tables;
 
