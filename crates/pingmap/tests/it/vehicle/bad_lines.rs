@@ -1,3 +1,4 @@
+use pingmap_vehicle::read_snapshot;
 use serde_json::{Value, json};
 
 use super::host::{HELLO, Host, signal};
@@ -34,8 +35,8 @@ fn bad_lines() -> Vec<(&'static str, Vec<u8>)> {
         ("wrong_field", text(r#"{"type":"frame_in","time":1000,"from":"auv2","bytes":"abc"}"#)),
         ("wrong_field", text(r#"{"type":"frame_request","time":1000,"bytes":-1}"#)),
         ("wrong_field", text(r#"{"type":"frame_in","time":1000,"bytes":"00"}"#)),
-        ("wrong_time", text(r#"{"type":"nav","time":100000,"position":{"x":1,"y":1}}"#)),
         ("wrong_time", text(r#"{"type":"listening","from":1000,"to":100000}"#)),
+        ("wrong_time", text(r#"{"type":"nav","time":100000,"position":{"x":1,"y":1}}"#)),
         ("out_of_bounds", text(r#"{"type":"nav","time":1e300,"position":{"x":1,"y":1}}"#)),
         ("out_of_bounds", text(r#"{"type":"listening","from":1010,"to":1000}"#)),
         ("out_of_bounds", text(r#"{"type":"frame_request","time":1000,"bytes":1}"#)),
@@ -101,6 +102,7 @@ fn every_end_is_clean() {
         // Everything is in the base and in the snapshot.
         let contents = mission::contents(folder.path());
         assert!(contents.entries.is_empty(), "{end}: {}", contents.entries.len());
-        assert_eq!(std::fs::read(folder.path().join("auv1.snapshot")).unwrap(), contents.base.unwrap(), "{end}");
+        let snapshot = read_snapshot(&folder.path().join("auv1.snapshot")).unwrap();
+        assert_eq!(snapshot, contents.base.unwrap(), "{end}");
     }
 }

@@ -4,12 +4,9 @@ use pingmap_agent::{Event, Position, VehicleId};
 use serde::Serialize;
 
 use crate::area::Area;
-use crate::figure::shade;
-use crate::success_map::Cell;
+use crate::figure::{Palette, shade};
+use crate::success_map::{Cell, HATCH_WIDTH};
 use crate::tracks::style;
-
-/// Cells count as not known if their 90 % interval is wider than this.
-const UNKNOWN_WIDTH: f64 = 0.5;
 
 /// Steps of the probability of a cell.
 const STEPS: f64 = 127.0;
@@ -108,14 +105,14 @@ pub fn metres(place: Position) -> [f64; 2] {
 
 /// Returns the byte of a cell.
 pub fn cell_byte(cell: &Cell) -> u8 {
-    let unknown = if cell.width() > UNKNOWN_WIDTH { UNKNOWN } else { 0 };
+    let unknown = if cell.width() > HATCH_WIDTH { UNKNOWN } else { 0 };
     (cell.probability.clamp(0.0, 1.0) * STEPS).round() as u8 | unknown
 }
 
 /// Returns the colours of all probabilities, those of the maps of other commands.
 pub fn colors() -> Vec<String> {
     let color = |step: u8| {
-        let (red, green, blue) = shade(f64::from(step) / STEPS);
+        let (red, green, blue) = shade(f64::from(step) / STEPS, Palette::BlueToYellow);
         format!("{red:02x}{green:02x}{blue:02x}")
     };
     (0..UNKNOWN).map(color).collect()

@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use super::data::{AreaData, Film, Message, Moment, Vehicle, ViewerMap, cell_byte, colors, metres};
 use crate::area::Area;
 use crate::cli_enums::{Join, Seen};
+use crate::data_extent::DataExtent;
 use crate::success_map::{MapQuery, SuccessMap};
 use crate::tracks;
 
@@ -81,7 +82,10 @@ impl<'a> Recorder<'a> {
         let (transmitter, when) = (agent.id().into(), Time::At(time_s));
         let attempt = |link| LinkQuery { transmitter, when, ..LinkQuery::from(link) };
         let (at, depth_m) = (&[at], at.depth_m);
-        let query = MapQuery { at, seen: Seen::Tx, join: Join::All, depth_m, heading_deg: None, attempt: &attempt };
+        let earlier = self.log.events.iter().filter(|event| event.time_s <= time_s);
+        let extent = &DataExtent::of(&[], earlier.map(|event| &event.link));
+        let (seen, join) = (Seen::Tx, Join::All);
+        let query = MapQuery { at, seen, join, depth_m, heading_deg: None, extent, attempt: &attempt };
         let map = SuccessMap::new(agent, self.area, &query)?;
         let cells: Vec<u8> = map.sides.iter().flat_map(|side| &side.cells).map(cell_byte).collect();
         let status = agent.status();
