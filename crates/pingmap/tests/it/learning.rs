@@ -48,7 +48,7 @@ fn learn_prints_every_candidate_and_writes_the_best() {
         &["learn", "events.csv", "--terms", "path", "--kernel", "matern32", "--overwrite"],
     ));
     for expected in
-        ["E: evidence bound", "leave-one-out", "range mean", "Matérn 3/2, ", "Matérn 3/2 *", "Rule: ", "standard error"]
+        ["E: evidence bound", "leave-one-out", "range mean", "Matérn 3/2, ", "Matérn 3/2 *", "Rule: ", "0.001 nats"]
     {
         assert!(text.contains(expected), "{expected:?} is missing: {text}");
     }

@@ -248,9 +248,10 @@ fn held_out_nll(
 
 /// Rule by which a row of the table is chosen: [`LearnedModel::improves_on`] in words.
 const RULE: &str = "\
-Each term is tried in turn, and kept if it raises LOO by more than 0.001 nats and by more than one standard error. \
-Terms other than range and receiver's place must also raise the corrected evidence by twice as much; the time term \
-instead needs 1 nat of corrected evidence over all events.";
+The program tries each term in turn. The threshold is 0.001 nats an event, or one standard error of the gain in LOO if \
+that is larger. Range and receiver's place are kept if LOO rises by more than the threshold. Other terms must also \
+raise the corrected evidence an event by more than twice the threshold. The time term is kept if the corrected \
+evidence over all events rises by more than 1 nat; LOO does not count. The corrected evidence is not in the table.";
 
 fn text(candidates: &[Candidate], best: &LearnedModel, held_out: bool) -> String {
     let mut header = vec!["kernel", "inputs", "direction", "terms", "mean", "E", "LOO"];
