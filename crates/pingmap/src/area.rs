@@ -64,6 +64,17 @@ impl Area {
         (self.east.0 + (column as f64 + 0.5) * self.cell_m, self.north.0 + (row as f64 + 0.5) * self.cell_m)
     }
 
+    /// Returns the distance of a point from the nearest edge. It is negative outside the area.
+    pub fn edge_m(&self, (x, y): Point) -> f64 {
+        (x - self.east.0).min(self.east.1 - x).min(y - self.north.0).min(self.north.1 - y)
+    }
+
+    /// Returns true for a cell of the outer rows and columns.
+    pub fn is_at_edge(&self, cell: usize) -> bool {
+        let (row, column) = (cell / self.columns, cell % self.columns);
+        [0, self.rows - 1].contains(&row) || [0, self.columns - 1].contains(&column)
+    }
+
     /// Returns the values of the cells as a grid.
     pub fn grid<'a>(&self, values: &'a [f64]) -> Grid<'a> {
         Grid { values, columns: self.columns, east: self.east, north: self.north }

@@ -262,7 +262,7 @@ impl SeenOnce {
 /// Quantity that the colours of a map show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Layer {
-    /// The probability, hatched where the data say little about it
+    /// The probability
     Probability,
     /// The lower end of the 90 % interval of the probability
     Lower,

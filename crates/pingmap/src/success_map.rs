@@ -5,6 +5,8 @@ use pingmap_agent::{Agent, Link, LinkQuery, Position, Prediction};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use crate::answer::Answer;
 use crate::area::Area;
@@ -89,30 +91,45 @@ impl Side {
     }
 }
 
-/// Distances from the positions of a map at which a required probability is reached, and is not reached.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// Distances from the nearest of the map's positions within which a probability is reached, and beyond which it is not.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct Reach {
-    pub required: f64,
-    /// The answer is yes in all cells within this distance. 0 if there is no such distance, or no cell of the map is
-    /// near the positions.
+    /// The probability.
+    pub probability: f64,
+    /// The lower end of the interval reaches the probability in all cells within this distance. It is at most the
+    /// distance to the nearest edge of the map, and 0 if there is no such distance.
     pub yes_within_m: f64,
-    /// The answer is no in all cells beyond this distance; `None` if it is not no at the edge of the map.
+    /// The upper end of the interval is below the probability in all cells of the map beyond this distance. Null if it
+    /// is not below it everywhere at the edges of the map.
     pub no_beyond_m: Option<f64>,
+    /// Distance from a position to the nearest edge of the map; not positive outside the map.
+    #[serde(skip)]
+    edge_m: f64,
+    /// Number of positions.
+    #[serde(skip)]
+    places: usize,
 }
 
 impl Reach {
     /// Returns the distances in a sentence.
     pub fn sentence(&self) -> String {
-        let Self { required, yes_within_m, no_beyond_m } = *self;
-        let beyond = no_beyond_m.map(|range_m| format!("nowhere beyond {range_m:.0} m"));
+        let Self { probability, yes_within_m, no_beyond_m, edge_m, places } = *self;
+        let of = if places > 1 { " of the nearest place" } else { "" };
+        let edge = if yes_within_m == edge_m { ", up to its nearest edge" } else { "" };
         match (yes_within_m > 0.0, no_beyond_m) {
-            (_, Some(0.0)) => format!("Heard with {required} nowhere on this map."),
-            (true, Some(_)) => {
-                format!("Heard with {required} within {yes_within_m:.0} m, {}.", beyond.unwrap_or_default())
+            (_, Some(0.0)) => format!("Heard with {probability} nowhere on this map."),
+            (true, Some(no_m)) => {
+                format!(
+                    "Heard with {probability} on this map within {yes_within_m:.0} m{of}{edge}; nowhere beyond {no_m:.0} m."
+                )
             }
-            (true, None) => format!("Heard with {required} within {yes_within_m:.0} m; not known beyond."),
-            (false, Some(_)) => format!("Heard with {required}: range not known, {}.", beyond.unwrap_or_default()),
-            (false, None) => format!("Heard with {required}: range not known."),
+            (true, None) => {
+                format!("Heard with {probability} on this map within {yes_within_m:.0} m{of}{edge}; not known beyond.")
+            }
+            (false, Some(no_m)) => {
+                format!("Heard with {probability}: range not known; on this map nowhere beyond {no_m:.0} m{of}.")
+            }
+            (false, None) => format!("Heard with {probability} on this map: range not known."),
         }
     }
 }
@@ -157,27 +174,28 @@ impl SuccessMap {
     pub fn reach(&self, side: &Side, required: f64) -> Reach {
         // A cell extends beyond its middle.
         let half_m = self.area.cell_m * std::f64::consts::FRAC_1_SQRT_2;
-        let ranges = side.cells.iter().enumerate().map(|(n, cell)| {
+        let least = |of: &dyn Fn(&Position) -> f64| self.at.iter().map(of).fold(f64::INFINITY, f64::min);
+        let edge_m = least(&|at| self.area.edge_m((at.east_m, at.north_m)));
+        let (mut yes_within_m, mut no_beyond_m) = (edge_m, 0.0_f64);
+        let mut is_no_at_edges = true;
+        for (n, cell) in side.cells.iter().enumerate() {
             let (x, y) = self.area.middle(n);
-            let range = |at: &Position| (at.east_m - x).hypot(at.north_m - y);
-            (self.at.iter().map(range).fold(f64::INFINITY, f64::min), cell.answer(required))
-        });
-        let (mut first_m, mut yes_within_m, mut no_beyond_m, mut last_m) =
-            (f64::INFINITY, f64::INFINITY, 0.0_f64, 0.0_f64);
-        for (range_m, answer) in ranges {
-            (first_m, last_m) = (first_m.min(range_m), last_m.max(range_m));
+            let range_m = least(&|at| (at.east_m - x).hypot(at.north_m - y));
+            let answer = cell.answer(required);
             if answer != Answer::Yes {
                 yes_within_m = yes_within_m.min(range_m - half_m);
             }
             if answer != Answer::No {
                 no_beyond_m = no_beyond_m.max(range_m + half_m);
+                is_no_at_edges &= !self.area.is_at_edge(n);
             }
         }
-        let is_near = first_m <= half_m && yes_within_m > half_m;
         Reach {
-            required,
-            yes_within_m: if is_near { yes_within_m.min(last_m) } else { 0.0 },
-            no_beyond_m: Some(no_beyond_m).filter(|range_m| *range_m < last_m),
+            probability: required,
+            yes_within_m: yes_within_m.max(0.0),
+            no_beyond_m: Some(no_beyond_m).filter(|_| is_no_at_edges),
+            edge_m,
+            places: self.at.len(),
         }
     }
 }
@@ -294,6 +312,39 @@ mod tests {
     fn draws(alike: bool) -> Matrix {
         let normals = normals(2);
         Matrix::from_fn(2, DRAWS, |place, draw| 3.0 * normals.column(draw)[if alike { 0 } else { place }])
+    }
+
+    /// Returns the reach on a map of 20 × 20 cells of 10 m. The answer is yes within `yes_m`, and no beyond `no_m`.
+    fn reach(at: &[(f64, f64)], yes_m: f64, no_m: f64) -> Reach {
+        let area = Area::between(Position::new(0.0, 0.0), Position::new(200.0, 200.0), Some(10.0)).unwrap();
+        let at: Vec<Position> = at.iter().map(|&(x, y)| Position::new(x, y)).collect();
+        let cells = (0..area.cells()).map(|n| {
+            let (x, y) = area.middle(n);
+            let range_m = at.iter().map(|at| (at.east_m - x).hypot(at.north_m - y)).fold(f64::INFINITY, f64::min);
+            let (lower, upper) =
+                if range_m < yes_m { (0.9, 1.0) } else { (0.0, if range_m > no_m { 0.5 } else { 1.0 }) };
+            Cell { probability: lower, lower, upper, explained: 1.0 }
+        });
+        let side = Side { seen: Seen::Tx, cells: cells.collect() };
+        SuccessMap { area, at, join: Join::All, sides: Vec::new() }.reach(&side, 0.9)
+    }
+
+    #[test]
+    fn distances_end_at_the_edge_of_the_map() {
+        let middle = reach(&[(100.0, 100.0)], 50.0, 80.0);
+        assert!((40.0..=50.0).contains(&middle.yes_within_m), "{middle:?}");
+        assert!((80.0..=90.0).contains(&middle.no_beyond_m.unwrap()), "{middle:?}");
+        let near_edge = reach(&[(15.0, 100.0)], 50.0, 80.0);
+        assert_eq!((near_edge.yes_within_m, near_edge.no_beyond_m), (15.0, None));
+        assert_eq!(
+            near_edge.sentence(),
+            "Heard with 0.9 on this map within 15 m, up to its nearest edge; not known beyond."
+        );
+        let outside = reach(&[(-20.0, 100.0)], 50.0, 80.0);
+        assert_eq!((outside.yes_within_m, outside.no_beyond_m), (0.0, None));
+        let two = reach(&[(60.0, 100.0), (140.0, 100.0)], 20.0, 40.0).sentence();
+        assert!(two.contains(" of the nearest place; nowhere beyond "), "{two}");
+        assert_eq!(reach(&[(100.0, 100.0)], 0.0, 0.0).sentence(), "Heard with 0.9 nowhere on this map.");
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use pingmap_agent::End;
+use pingmap_agent::{End, Position};
 use pingmap_import::{Place, Reference};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -13,7 +13,7 @@ use crate::cli_enums::{Join, Layer, Seen, name_of};
 use crate::cli_parsers::{corners, heading, not_negative, open_share, place, positive, print_width};
 use crate::exports::{self, Export};
 use crate::figure::{Figure, Image};
-use crate::learned_map::LearnedMap;
+use crate::learned_map::{LearnedMap, OpenedLog};
 use crate::map_figure::{FigureContent, figure};
 use crate::model::{InputDigests, KernelJson};
 use crate::options::{QueryOptions, RESULT, Source};
@@ -91,7 +91,7 @@ pub struct Drawing {
     /// Hatch cells whose 90 % interval is wider than this: there the probability is not known
     #[arg(long, value_name = "WIDTH", value_parser = open_share, default_value_t = HATCH_WIDTH)]
     pub hatch_width: f64,
-    /// Draw the events sent from near the position, heard and missed; near the receiver with --as rx
+    /// Draw heard and missed events that were sent near the position; with --as rx, those received near it
     #[arg(long)]
     pub with_events: bool,
     /// Title above the picture
@@ -118,32 +118,11 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let target = options.overwrite.target(&options.output, &options.source.inputs())?.with_json(options.json)?;
     let log = LearnedMap::open(&options.source)?;
     let reference = reference(log.reference)?;
-    if format.is_on_earth() && !log.reference.is_known() {
-        let message = format!(
-            "{}: the log has no reference system; expected --origin LAT,LON, the position of (0, 0), or --crs EPSG:CODE",
-            options.output.display()
-        );
-        return Err(BadInput(message).into());
-    }
-    let (view, drawing) = (&options.view, &options.drawing);
-    if !drawing.levels.is_sorted_by(|a, b| a < b) {
-        return Err(BadInput("--levels: expected rising probabilities".into()).into());
-    }
-    if view.depth.is_some() && !log.has_depths {
-        return Err(
-            BadInput("--depth: the log has no depths; expected columns tx_depth_m and rx_depth_m".into()).into()
-        );
-    }
+    check(options, format, &log)?;
+    let view = &options.view;
     let depth_m = view.depth.or(log.mean_depth_m());
     let at = positions("--at", &view.at, &reference, depth_m)?;
-    let area = match &view.bounds {
-        Some((a, b)) => {
-            Area::between(position("--bounds", *a, &reference)?, position("--bounds", *b, &reference)?, view.cell_m)?
-        }
-        None => {
-            Area::around(log.events.iter().flat_map(|event| event.link.ends()).chain(at.iter().copied()), view.cell_m)?
-        }
-    };
+    let area = view.area(&log, &at, &reference)?;
     let attempt = options.query.attempt(&log)?;
     let mut learned_map = LearnedMap::learn(log, &options.source)?.capped(&options.query);
     let bar = spinner("drawing");
@@ -156,10 +135,10 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     at.iter().filter(|at| extent.is_far(at)).for_each(|at| warn(format_args!("--at: {}", extent.sentence(at))));
     let query = MapQuery { at: &at, seen: view.seen, join: view.join, depth_m, heading_deg, extent, attempt: &attempt };
     let map = SuccessMap::new(&mut learned_map.agent, area, &query)?;
-    let bytes = bytes(format, &map, &learned_map, &reference, drawing)?;
+    let bytes = bytes(format, &map, &learned_map, &reference, &options.drawing)?;
     bar.finish_and_clear();
     let written = target.write(&bytes, results);
-    if let (Some(&required), [side]) = (drawing.levels.last(), &map.sides[..]) {
+    if let (Some(&required), [side]) = (options.drawing.levels.last(), &map.sides[..]) {
         note(map.reach(side, required).sentence());
     }
     if written.is_ok() {
@@ -172,6 +151,37 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
         print_json(results, &MapJson::of(options, &learned_map, &map, &reference))?;
     }
     written
+}
+
+/// Refuses options that contradict each other or the log.
+fn check(options: &Options, format: Format, log: &OpenedLog) -> Result<(), BadInput> {
+    if format.is_on_earth() && !log.reference.is_known() {
+        return Err(BadInput(format!(
+            "{}: the log has no reference system; expected --origin LAT,LON, the position of (0, 0), or --crs EPSG:CODE",
+            options.output.display()
+        )));
+    }
+    if !options.drawing.levels.is_sorted_by(|a, b| a < b) {
+        return Err(BadInput("--levels: expected rising probabilities".into()));
+    }
+    if options.view.depth.is_some() && !log.has_depths {
+        return Err(BadInput("--depth: the log has no depths; expected columns tx_depth_m and rx_depth_m".into()));
+    }
+    Ok(())
+}
+
+impl View {
+    /// Returns the area between the given corners, or around the log and the positions.
+    fn area(&self, log: &OpenedLog, at: &[Position], reference: &Reference) -> anyhow::Result<Area> {
+        let corner = |corner| position("--bounds", corner, reference);
+        Ok(match self.bounds {
+            Some((a, b)) => Area::between(corner(a)?, corner(b)?, self.cell_m)?,
+            None => {
+                let ends = log.events.iter().flat_map(|event| event.link.ends());
+                Area::around(ends.chain(at.iter().copied()), self.cell_m)?
+            }
+        })
+    }
 }
 
 /// Returns true if the model depends on headings.
@@ -285,7 +295,7 @@ pub struct SideJson {
     /// Share of the area that is hatched.
     share_not_known: f64,
     /// Distances at which the highest level is reached.
-    reach: ReachJson,
+    reach: Reach,
 }
 
 /// Share of the area in which the probability is at least a level.
@@ -297,24 +307,10 @@ struct ShareAbove {
     share: f64,
 }
 
-/// Distances from the nearest of the positions at which a probability is reached.
-#[derive(Serialize, JsonSchema)]
-struct ReachJson {
-    /// The probability.
-    probability: f64,
-    /// The lower end of the interval reaches the probability in all cells within this distance. 0 if there is no such
-    /// distance.
-    yes_within_m: f64,
-    /// The upper end of the interval is below the probability in all cells beyond this distance; null if the map does
-    /// not extend so far.
-    no_beyond_m: Option<f64>,
-}
-
 impl SideJson {
     fn of(map: &SuccessMap, side: &Side, drawing: &Drawing) -> Self {
         let levels = &drawing.levels;
         let required = levels.last().copied().unwrap_or(LEVELS[1]);
-        let Reach { required: probability, yes_within_m, no_beyond_m } = map.reach(side, required);
         let share =
             |&level: &f64| ShareAbove { probability: level, share: side.share(|cell| cell.probability >= level) };
         Self {
@@ -322,7 +318,7 @@ impl SideJson {
             share_above: levels.iter().map(share).collect(),
             interval_width: side.interval_width(),
             share_not_known: side.share(|cell| cell.width() > drawing.hatch_width),
-            reach: ReachJson { probability, yes_within_m, no_beyond_m },
+            reach: map.reach(side, required),
         }
     }
 }
