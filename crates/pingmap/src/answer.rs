@@ -25,6 +25,15 @@ impl Answer {
         }
     }
 
+    /// Returns the answer as in JSON and tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Answer::Yes => "yes",
+            Answer::No => "no",
+            Answer::NotKnown => "not_known",
+        }
+    }
+
     /// Returns the answer in words.
     pub fn words(self) -> &'static str {
         match self {

@@ -1,5 +1,7 @@
 //! Where the data of a map end.
 
+use std::collections::BTreeMap;
+
 use pingmap_agent::{Event, Link, Position};
 
 use crate::grid::Point;
@@ -7,39 +9,56 @@ use crate::grid::Point;
 /// Half of the angle in which positions count as lying in a direction, in degrees.
 const SECTOR_HALF_DEG: f64 = 15.0;
 
+/// Side of a square of positions, as a share of the longest link.
+const SQUARE_SHARE: f64 = 0.125;
+
 /// Positions of both ends of all links with data.
 pub struct DataExtent {
-    ends: Vec<Point>,
-    /// Western, southern, eastern and northern edge of these positions.
-    edges: [f64; 4],
-    /// Length of the longest link.
-    longest_m: f64,
+    /// Positions by the square of a grid in which they lie.
+    squares: BTreeMap<(i64, i64), Vec<Point>>,
+    /// Side of a square.
+    side_m: f64,
+    /// Length of the longest link with data.
+    pub longest_m: f64,
 }
 
 impl DataExtent {
     /// Returns the extent of the events, and of the links of a site prior.
     pub fn of<'a>(events: &'a [Event], site: impl IntoIterator<Item = &'a Link>) -> Self {
         let links: Vec<&Link> = events.iter().map(|event| &event.link).chain(site).collect();
-        let ends: Vec<Point> = links.iter().flat_map(|link| link.ends()).map(|end| (end.east_m, end.north_m)).collect();
-        let none = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
-        let edges = ends
-            .iter()
-            .fold(none, |[west, south, east, north], &(x, y)| [west.min(x), south.min(y), east.max(x), north.max(y)]);
         let longest_m = links.iter().map(|link| link.range_m()).fold(0.0, f64::max);
-        Self { ends, edges, longest_m }
+        let side_m = (SQUARE_SHARE * longest_m).max(1.0);
+        let mut squares: BTreeMap<(i64, i64), Vec<Point>> = BTreeMap::new();
+        for end in links.iter().flat_map(|link| link.ends()) {
+            let square = [end.east_m, end.north_m].map(|value_m| (value_m / side_m).floor() as i64);
+            squares.entry(square.into()).or_default().push((end.east_m, end.north_m));
+        }
+        Self { squares, side_m, longest_m }
     }
 
-    /// Returns true if a position is farther from the rectangle around all data than the longest link. Nothing is known
-    /// about links to such a position.
+    /// Returns true if the nearest position with data is farther away than the longest link with data. Nothing is known
+    /// about links to such a position. Positions of squares that are far as a whole are not compared.
     pub fn is_far(&self, at: &Position) -> bool {
-        let [west, south, east, north] = self.edges;
-        let away = |value: f64, low: f64, high: f64| (low - value).max(value - high).max(0.0);
-        away(at.east_m, west, east).hypot(away(at.north_m, south, north)) > self.longest_m
+        let (x, y) = (at.east_m, at.north_m);
+        let away_m = |value_m: f64, square: i64| {
+            let low_m = square as f64 * self.side_m;
+            (low_m - value_m).max(value_m - low_m - self.side_m).max(0.0)
+        };
+        let is_near = |(&(column, row), ends): (&(i64, i64), &Vec<Point>)| {
+            away_m(x, column).hypot(away_m(y, row)) <= self.longest_m
+                && ends.iter().any(|end| (end.0 - x).hypot(end.1 - y) <= self.longest_m)
+        };
+        !self.squares.iter().any(is_near)
+    }
+
+    /// Returns true if an end of a link is far from all data.
+    pub fn has_far_end(&self, link: &Link) -> bool {
+        link.ends().iter().any(|end| self.is_far(end))
     }
 
     /// Returns the ends of the interval of a link: 0 and 1 if one of its ends is far from all data.
     pub fn interval(&self, link: &Link, ends: (f64, f64)) -> (f64, f64) {
-        if link.ends().iter().any(|end| self.is_far(end)) { (0.0, 1.0) } else { ends }
+        if self.has_far_end(link) { (0.0, 1.0) } else { ends }
     }
 
     /// Returns the distance to the nearest position with data.
@@ -61,7 +80,7 @@ impl DataExtent {
     /// Returns distance and bearing in degrees of each position with data.
     fn distances(&self, at: &Position) -> impl Iterator<Item = (f64, f64)> {
         let (x, y) = (at.east_m, at.north_m);
-        self.ends.iter().map(move |end| {
+        self.squares.values().flatten().map(move |end| {
             let (east_m, north_m) = (end.0 - x, end.1 - y);
             (east_m.hypot(north_m), east_m.atan2(north_m).to_degrees())
         })
@@ -73,19 +92,28 @@ impl DataExtent {
         let (nearest_m, farthest_m, longest_m) = (self.nearest_m(at), self.farthest_m(at), self.longest_m);
         if self.is_far(at) {
             return format!(
-                "Not known: {place} is {nearest_m:.0} m from the nearest position of the log, farther than its longest link \
-                 ({longest_m:.0} m)."
+                "Not known: {place} is {nearest_m:.0} m from the nearest position with data, farther than the longest link \
+                 with data ({longest_m:.0} m)."
             );
         }
         format!(
-            "No data beyond {farthest_m:.0} m from {place}; the nearest position of the log is {nearest_m:.0} m away."
+            "No data beyond {farthest_m:.0} m from {place}; the nearest position with data is {nearest_m:.0} m away."
         )
     }
 
-    /// States how far a track leads away from the data.
-    pub fn track_sentence(&self, track: impl IntoIterator<Item = Position>) -> String {
-        let farthest_m = track.into_iter().map(|at| self.nearest_m(&at)).fold(0.0, f64::max);
-        format!("The track is up to {farthest_m:.0} m from the nearest position of the log.")
+    /// States how far a track leads away from the data, given the positions of its messages.
+    pub fn track_sentence(&self, track: &[Position]) -> String {
+        let farthest_m = track.iter().map(|at| self.nearest_m(at)).fold(0.0, f64::max);
+        let far = track.iter().filter(|at| self.is_far(at)).count();
+        let percent = (100.0 * far as f64 / track.len() as f64).ceil();
+        let far = if far > 0 {
+            &*format!(
+                " {percent:.0} % of the messages are sent or received far from all data; their probability is not known."
+            )
+        } else {
+            ""
+        };
+        format!("The track is up to {farthest_m:.0} m from the nearest position with data.{far}")
     }
 }
 
@@ -104,11 +132,27 @@ mod tests {
     #[test]
     fn a_place_is_far_beyond_the_longest_link() {
         let extent = extent();
-        assert!(!extent.is_far(&Position::new(599.0, 50.0)) && extent.is_far(&Position::new(601.0, 50.0)));
+        assert!(!extent.is_far(&Position::new(599.0, 0.0)) && extent.is_far(&Position::new(601.0, 0.0)));
         let (near, far) = (link((0.0, 0.0), (10.0, 0.0)), link((0.0, 0.0), (9000.0, 0.0)));
         assert_eq!(extent.interval(&near, (0.3, 0.4)), (0.3, 0.4));
         assert_eq!(extent.interval(&far, (0.3, 0.4)), (0.0, 1.0));
         assert!(extent.sentence(&Position::new(0.0, 9000.0)).starts_with("Not known: (0, 9000) is 8900 m"));
+    }
+
+    /// Two arms of a log leave a corner of the rectangle around it without data.
+    #[test]
+    fn a_place_between_the_arms_of_a_log_is_far() {
+        let links = (0..10).flat_map(|n| {
+            let (from_m, to_m) = (f64::from(n) * 100.0, f64::from(n + 1) * 100.0);
+            [link((from_m, 0.0), (to_m, 0.0)), link((0.0, -from_m), (0.0, -to_m))]
+        });
+        let extent = DataExtent::of(&[], &links.collect::<Vec<_>>());
+        assert!(extent.is_far(&Position::new(900.0, -900.0)) && !extent.is_far(&Position::new(60.0, -60.0)));
+        // The squares change nothing.
+        for n in 0..400 {
+            let at = Position::new(f64::from(n % 20) * 71.0 - 200.0, 200.0 - f64::from(n / 20) * 71.0);
+            assert_eq!(extent.is_far(&at), extent.nearest_m(&at) > extent.longest_m, "{at:?}");
+        }
     }
 
     #[test]
@@ -117,11 +161,17 @@ mod tests {
         assert_eq!(extent.farthest_towards_m(&at, 90.0), 300.0);
         assert_eq!(extent.farthest_towards_m(&at, 350.0), 100.0);
         assert_eq!(extent.farthest_towards_m(&at, 225.0), 0.0);
-        let expected = "No data beyond 300 m from (0, 0); the nearest position of the log is 0 m away.";
+        let expected = "No data beyond 300 m from (0, 0); the nearest position with data is 0 m away.";
         assert_eq!(extent.sentence(&at), expected);
         assert_eq!(
-            extent.track_sentence([at, Position::new(340.0, 30.0)]),
-            "The track is up to 50 m from the nearest position of the log."
+            extent.track_sentence(&[at, Position::new(340.0, 30.0)]),
+            "The track is up to 50 m from the nearest position with data."
+        );
+        let far = extent.track_sentence(&[at, at, Position::new(1300.0, 0.0)]);
+        assert!(
+            far.ends_with(
+                "34 % of the messages are sent or received far from all data; their probability is not known."
+            )
         );
     }
 }

@@ -29,7 +29,8 @@ pub struct Options {
     /// probability, which follows from log_odds_mean and log_odds_variance, and lower and upper, the ends of its 90 %
     /// interval. The interval follows from other moments of the log-odds: those of expectation propagation, with a
     /// standard deviation that is 1.7 times as large. It always contains the probability. It is 0 to 1 for a link with
-    /// an end that is farther from all data than the longest link of the log.
+    /// an end that is far from all data. An end is far if the nearest position with data is farther away than the
+    /// longest link with data.
     #[arg(long)]
     pub links: PathBuf,
     #[command(flatten)]

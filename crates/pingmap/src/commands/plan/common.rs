@@ -34,7 +34,7 @@ pub struct Common {
     /// Required probability that a message is received
     ///
     /// The answer is yes if the lower end of the 90 % interval reaches it, and no if the upper end is below it.
-    /// Otherwise it is not known.
+    /// Otherwise it is not known. `plan gateway` compares the share of messages that are received.
     #[arg(help_heading = None::<&str>, long, default_value_t = 0.9, value_parser = open_share)]
     pub probability: f64,
     /// Depth of the other ends, if the log has depths; the mean depth of the log if not given
@@ -43,7 +43,7 @@ pub struct Common {
     /// Title of the picture
     #[arg(help_heading = RESULT, long, value_name = "TEXT")]
     pub title: Option<String>,
-    /// Draw the events of the log whose end at the position is near it
+    /// Draw heard and missed events that were received near the position; with --as tx, those sent near it
     #[arg(help_heading = RESULT, long)]
     pub with_events: bool,
     /// File for the plan: .png, .svg, .pdf, .csv, .geojson or .kml
@@ -150,7 +150,7 @@ impl QueryTemplate {
 
 /// The learned model, and the options of the queries.
 pub struct LearnedPlan<'a> {
-    common: &'a Common,
+    pub(super) common: &'a Common,
     pub learned_map: LearnedMap,
     pub reference: Reference,
     pub queries: QueryTemplate,

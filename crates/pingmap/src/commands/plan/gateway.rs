@@ -54,6 +54,8 @@ struct Candidate {
     share: f64,
     share_lower: f64,
     share_upper: f64,
+    /// Share of the messages with an end far from all data.
+    unknown: f64,
     /// Whether the required share is received.
     answer: Answer,
     lowest: f64,
@@ -133,12 +135,13 @@ impl Options {
         let sendings = route.sendings(self.every_s)?;
         let mut learned = opened.learn()?;
         let bar = spinner("comparing places");
-        let candidates = ranked(&mut learned, &named, (&route, &sendings), &self.common)?;
+        let candidates = ranked(&mut learned, &named, (&route, &sendings))?;
         bar.finish_and_clear();
         let extent = &learned.learned_map.extent;
-        let track = extent.track_sentence(sendings.iter().map(|sending| sending.position));
+        let on_track: Vec<Position> = sendings.iter().map(|sending| sending.position).collect();
+        let track = extent.track_sentence(&on_track);
         let data = format!("{}\n{track}", extent.sentence(&candidates[0].place));
-        let sentence = sentence(&candidates[0], self.common.probability);
+        let sentence = sentence(&candidates, self.common.probability);
         if self.common.json {
             print_json(results, &self.json(&candidates, &learned, sendings.len(), data))?;
         } else {
@@ -220,7 +223,6 @@ fn ranked(
     learned: &mut LearnedPlan,
     named: &[(String, Position)],
     (route, sendings): (&Route, &[Sending]),
-    common: &Common,
 ) -> anyhow::Result<Vec<Candidate>> {
     let on_track: Vec<Position> = sendings.iter().map(|sending| sending.position).collect();
     let (mut cells, mut attempts): (Vec<Vec<Cell>>, Vec<Vec<LinkQuery>>) = (Vec::new(), Vec::new());
@@ -235,15 +237,11 @@ fn ranked(
     }
     // All candidates are evaluated under the same functions, because they share the uncertainty about the water.
     let together = SampledFunctions::new(&mut learned.learned_map.agent, &attempts)?;
-    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
     let shares: Vec<Vec<f64>> = (0..together.functions())
         .map(|function| (0..named.len()).map(|place| mean(&together.probabilities(place, function))).collect())
         .collect();
-    let mut best = vec![0.0; named.len()];
-    for shares in &shares {
-        let first = (0..shares.len()).max_by(|&a, &b| shares[a].total_cmp(&shares[b])).unwrap_or(0);
-        best[first] += 1.0 / together.functions() as f64;
-    }
+    let best = best_shares(&shares, named.len());
+    let LearnedPlan { common, .. } = *learned;
     let mut candidates = Vec::with_capacity(named.len());
     for (n, (name, place)) in named.iter().enumerate() {
         let at = [*place];
@@ -256,8 +254,8 @@ fn ranked(
         let quantile = |share: f64| drawn[(share * (drawn.len() - 1) as f64).round() as usize];
         let share = mean(&probabilities);
         // Messages about which nothing is known may all be received, or none.
-        let is_unknown = |cell: &&Cell| cell.width() == 1.0;
-        let unknown = cells[n].iter().filter(is_unknown).count() as f64 / cells[n].len() as f64;
+        let is_unknown = |attempt: &&LinkQuery| query.extent.has_far_end(&attempt.link);
+        let unknown = attempts[n].iter().filter(is_unknown).count() as f64 / attempts[n].len() as f64;
         let share_lower = (quantile(0.05).min(share) - unknown).max(0.0);
         let share_upper = (quantile(0.95).max(share) + unknown).min(1.0);
         candidates.push(Candidate {
@@ -266,6 +264,7 @@ fn ranked(
             share,
             share_lower,
             share_upper,
+            unknown,
             answer: Answer::of((share_lower, share_upper), common.probability),
             lowest: probabilities.iter().copied().fold(1.0, f64::min),
             silence: Outages::new(&alone, &query, route, sendings, common.source.work.seed).whole,
@@ -274,6 +273,21 @@ fn ranked(
     }
     candidates.sort_by(|a, b| b.share.total_cmp(&a.share));
     Ok(candidates)
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+/// Returns the share of the functions under which each candidate receives most messages. `shares` has a row for each
+/// function.
+fn best_shares(shares: &[Vec<f64>], candidates: usize) -> Vec<f64> {
+    let mut best = vec![0.0; candidates];
+    for of_function in shares {
+        let first = (0..candidates).max_by(|&a, &b| of_function[a].total_cmp(&of_function[b])).unwrap_or(0);
+        best[first] += 1.0 / shares.len() as f64;
+    }
+    best
 }
 
 const HEADER: [&str; 11] = [
@@ -296,13 +310,22 @@ fn row(one: &Candidate) -> (Point, Vec<String>) {
     let numbers =
         [east_m, north_m, one.share, one.share_lower, one.share_upper, one.lowest, median_s, likely_s, one.best];
     let numbers = numbers.map(|number| number.to_string()).to_vec();
-    ((east_m, north_m), [vec![one.name.clone()], numbers, vec![one.answer.words().to_owned()]].concat())
+    ((east_m, north_m), [vec![one.name.clone()], numbers, vec![one.answer.name().to_owned()]].concat())
 }
 
-/// States which position is best, and whether it receives the required share.
-fn sentence(best: &Candidate, required: f64) -> String {
+/// States which position is best, whether it receives the required share, and about how many of the messages to all
+/// candidates nothing is known.
+fn sentence(candidates: &[Candidate], required: f64) -> String {
+    let best = &candidates[0];
+    let unknown = mean(&candidates.iter().map(|one| one.unknown).collect::<Vec<_>>());
+    let extrapolates = if unknown > 0.0 {
+        let percent = (100.0 * unknown).ceil();
+        &*format!(" This ranking extrapolates: nothing is known about {percent:.0} % of the messages.")
+    } else {
+        ""
+    };
     format!(
-        "The best position is {}, with a probability of {:.0} %. It hears a share of {required} or more: {} ({:.2}–{:.2}).",
+        "The best position is {}, with a probability of {:.0} %. It hears a share of {required} or more: {} ({:.2}–{:.2}).{extrapolates}",
         best.name,
         100.0 * best.best,
         best.answer.words(),

@@ -144,7 +144,7 @@ impl Options {
         let at = positions("--at", &self.at, &opened.reference, opened.depth_m)?;
         let mut learned = opened.learn()?;
         let bar = spinner("playing missions");
-        let expected = Expected::new(&mut learned, (&at, self.join), (route, sendings), &self.common)?;
+        let expected = Expected::new(&mut learned, (&at, self.join), (route, sendings))?;
         bar.finish_and_clear();
         if self.common.json {
             print_json(results, &self.json(&expected, &learned, &at))?;
@@ -192,8 +192,8 @@ impl Expected {
         learned: &mut LearnedPlan,
         (at, join): (&[Position], Join),
         (route, sendings): (Route, Vec<Sending>),
-        common: &Common,
     ) -> anyhow::Result<Self> {
+        let common = learned.common;
         let extent = &learned.learned_map.extent;
         let query: MapQuery = learned.queries.of(at, join, extent);
         let places: Vec<Position> = sendings.iter().map(|sending| sending.position).collect();
@@ -205,7 +205,7 @@ impl Expected {
             of_places.iter().map(|place| place.iter().map(|(_, attempt)| *attempt).collect()).collect();
         let drawn = SampledFunctions::new(&mut learned.learned_map.agent, &attempts)?;
         let outages = Outages::new(&drawn, &query, &route, &sendings, common.source.work.seed);
-        let track = extent.track_sentence(places.iter().copied());
+        let track = extent.track_sentence(&places);
         let data: Vec<String> = at.iter().map(|at| extent.sentence(at)).chain([track]).collect();
         Ok(Self { required: common.probability, data: data.join("\n"), route, sendings, cells, outages })
     }
