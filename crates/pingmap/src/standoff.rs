@@ -14,9 +14,10 @@ pub struct Ray {
     pub range_m: f64,
     /// The lower end of the probability's interval is sufficient up to this range: the answer is yes.
     pub range_lower_m: f64,
-    /// The upper end of the interval is insufficient beyond this range: the answer is no.
-    pub range_upper_m: f64,
-    /// The answer next to the place.
+    /// The upper end of the interval is insufficient beyond this range: the answer is no. `None` if it is sufficient at
+    /// the largest tested range.
+    pub range_upper_m: Option<f64>,
+    /// The answer at the shortest tested range.
     pub nearest: Answer,
     /// Distance of the farthest position with data within 15 degrees of the bearing.
     pub data_m: f64,
@@ -25,13 +26,13 @@ pub struct Ray {
 /// Number of bearings.
 pub const BEARINGS: usize = 72;
 
-/// Number of ranges on each bearing.
+/// Number of tested ranges on each bearing.
 const STEPS: usize = 150;
 
 impl Ray {
     /// Returns a ray on which no range is sufficient.
     fn none(bearing_deg: f64, data_m: f64) -> Self {
-        Self { bearing_deg, range_m: 0.0, range_lower_m: 0.0, range_upper_m: 0.0, nearest: Answer::No, data_m }
+        Self { bearing_deg, range_m: 0.0, range_lower_m: 0.0, range_upper_m: Some(0.0), nearest: Answer::No, data_m }
     }
 
     /// Returns the position on this bearing at this range.
@@ -41,6 +42,11 @@ impl Ray {
     }
 }
 
+/// Returns the shortest tested range.
+pub fn step_m(range_max_m: f64) -> f64 {
+    range_max_m / STEPS as f64
+}
+
 /// Returns the rays from the first queried place. On each ray the probability is sufficient at all nearer ranges.
 /// O(bearings · n²) for n events.
 pub fn standoff(
@@ -48,7 +54,7 @@ pub fn standoff(
     query: &MapQuery,
     (probability, range_max_m): (f64, f64),
 ) -> anyhow::Result<Vec<Ray>> {
-    let step_m = range_max_m / STEPS as f64;
+    let step_m = step_m(range_max_m);
     let from = query.at[0];
     let mut rays = Vec::with_capacity(BEARINGS);
     for n in 0..BEARINGS {
@@ -69,7 +75,7 @@ pub fn standoff(
         rays.push(Ray {
             range_m: up_to(|cell| cell.probability),
             range_lower_m: up_to(|cell| cell.lower),
-            range_upper_m: last_above(&upper, probability) * step_m,
+            range_upper_m: last_above(&upper, probability).map(|steps| steps * step_m),
             nearest: cells[1].answer(probability),
             ..ray
         });
@@ -86,10 +92,13 @@ fn first_below(values: &[f64], level: f64) -> f64 {
     }
 }
 
-/// Returns the last crossing below a level, in steps; 0 if no value reaches the level.
-fn last_above(values: &[f64], level: f64) -> f64 {
+/// Returns the last crossing below a level, in steps; 0 if no value reaches the level, and `None` if the last does.
+fn last_above(values: &[f64], level: f64) -> Option<f64> {
+    if values.last().is_some_and(|&last| last >= level) {
+        return None;
+    }
     let reversed: Vec<f64> = values.iter().rev().map(|value| -value).collect();
-    (values.len() - 1) as f64 - first_below(&reversed, f64::next_up(-level))
+    Some((values.len() - 1) as f64 - first_below(&reversed, f64::next_up(-level)))
 }
 
 #[cfg(test)]
@@ -100,9 +109,9 @@ mod tests {
     fn the_line_is_where_values_first_fall_below_the_level() {
         assert_eq!(first_below(&[0.95, 0.92, 0.88, 0.99], 0.9), 1.5);
         assert_eq!((first_below(&[0.5, 0.99], 0.9), first_below(&[0.95, 0.9], 0.9)), (0.0, 1.0));
-        let last = last_above(&[0.95, 0.85, 0.92, 0.88, 0.1], 0.9);
+        let last = last_above(&[0.95, 0.85, 0.92, 0.88, 0.1], 0.9).unwrap();
         assert!((last - 2.5).abs() < 1e-9, "{last}");
-        assert_eq!((last_above(&[0.5, 0.4], 0.9), last_above(&[0.5, 0.9], 0.9)), (0.0, 1.0));
+        assert_eq!((last_above(&[0.5, 0.4], 0.9), last_above(&[0.5, 0.9], 0.9)), (Some(0.0), None));
     }
 
     #[test]

@@ -21,6 +21,11 @@ fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
 }
 
+/// Returns what a command printed, without the breaks of its lines.
+fn one_line(output: &std::process::Output) -> String {
+    stdout(output).split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
 #[test]
 fn the_standoff_line_has_the_requested_probability() {
     let folder = tempfile::tempdir().unwrap();
@@ -34,8 +39,13 @@ fn the_standoff_line_has_the_requested_probability() {
         (least("range_m"), least("range_lower_m"))
     );
     assert!(least("range_lower_m") <= least("range_m") && number(&object["range_m"]) > 10.0, "{object}");
-    assert!(rays.iter().all(|ray| number(&ray["range_m"]) <= number(&ray["range_upper_m"])), "{object}");
-    let expected = if number(&object["range_lower_m"]) > 0.0 { "yes" } else { "not_known" };
+    // A range that is not known is null.
+    let upper_m = |ray: &Value| ray["range_upper_m"].as_f64().unwrap_or(f64::INFINITY);
+    assert!(rays.iter().all(|ray| number(&ray["range_m"]) <= upper_m(ray)), "{object}");
+    assert!(rays.iter().all(|ray| ray["range_upper_m"].is_null() || upper_m(ray) < number(&object["range_max_m"])));
+    assert_eq!(object["range_upper_m"].is_null(), rays.iter().any(|ray| ray["range_upper_m"].is_null()));
+    let step_m = number(&object["range_max_m"]) / 150.0;
+    let expected = if number(&object["range_lower_m"]) >= step_m { "yes" } else { "not_known" };
     assert_eq!(object["answer"], expected);
     assert!(object["data"].as_str().unwrap().starts_with("No data beyond "), "{object}");
     // `predict` gives a larger probability just within the line, and a smaller one just beyond.
@@ -106,9 +116,23 @@ fn plans_answer_not_known_far_from_all_data() {
     let at = ["--at", "9000,9000"];
     let standoff = plan(folder.path(), &[&["standoff"][..], &at].concat());
     assert_eq!((&standoff["answer"], &standoff["range_lower_m"]), (&Value::from("not_known"), &Value::from(0.0)));
+    assert!(standoff["range_upper_m"].is_null(), "{standoff}");
     let track = plan(folder.path(), &[&["track", "--along", "track.csv"][..], &at].concat());
     assert_eq!(track["whole"]["answer"], "not_known");
-    let gateway = plan(folder.path(), &["gateway", "--along", "track.csv", "--among", "places.csv"]);
+    let arguments = ["gateway", "--along", "track.csv", "--among", "places.csv"];
+    let gateway = plan(folder.path(), &[&arguments[..], &["-o", "table.csv"]].concat());
+    let table = std::fs::read_to_string(folder.path().join("table.csv")).unwrap();
+    assert!(table.lines().nth(1).unwrap().ends_with(",not_known"), "{table}");
+    let words = |arguments: &[&str]| {
+        one_line(&pingmap(folder.path(), &[&["plan", arguments[0], "events.csv"], &arguments[1..], MODEL].concat()))
+    };
+    for (arguments, sentence) in [
+        (&arguments[..], "nothing is known about 100 % of the messages."),
+        (&arguments[..], "100 % of the messages are sent or received far from all data; their"),
+        (&["standoff", "--at", "9000,9000"], "Not known: even at short range, the data do not decide whether"),
+    ] {
+        assert!(words(arguments).contains(sentence), "{sentence}: {}", words(arguments));
+    }
     let best = &gateway["candidates"][0];
     assert_eq!(
         (&best["answer"], number(&best["share_lower"]), number(&best["share_upper"])),
@@ -143,6 +167,15 @@ fn answers_follow_from_the_ends_of_the_interval() {
         }
     }
     assert_eq!(found.len(), 3, "all answers occur: {found:?}");
+    // The shortest tested range of a standoff decides: 5 m or 750 m.
+    let answer = |range_max_m: &str| {
+        let arguments = ["standoff", "--at", "500,300", "--probability", "0.7", "--range-max-m", range_max_m];
+        plan(folder.path(), &arguments)["answer"].clone()
+    };
+    assert_eq!((answer("750"), answer("112500")), ("yes".into(), "no".into()));
+    let at = ["plan", "standoff", "events.csv", "--at", "500,300", "--probability", "0.7", "--range-max-m", "112500"];
+    let words = one_line(&pingmap(folder.path(), &[&at[..], MODEL].concat()));
+    assert!(words.contains("No: in at least one direction, the answer is no even at 750 m."), "{words}");
 }
 
 /// Asserts that every row has the same position in metres and in degrees.
