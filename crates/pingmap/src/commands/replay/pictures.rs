@@ -105,10 +105,8 @@ fn map(viewer: &mut Agent, replayed: &Replayed) -> anyhow::Result<MapPicture> {
         hatch_width: HATCH_WIDTH,
         lines: &[],
     };
-    let sentence = format!("A message from the last position of {}: {}", viewer.id(), {
-        let sentence = map.reach(&map.sides[0], LEVELS[1]).sentence();
-        sentence.replacen('H', "h", 1)
-    });
+    let reach = map.reach(&map.sides[0], LEVELS[1]);
+    let sentence = format!("Messages from the last position of {}. {}", viewer.id(), reach.sentence());
     Ok(MapPicture { viewer: viewer.id().clone(), figure: figure(&map, &content, Room::SCREEN), sentence })
 }
 
