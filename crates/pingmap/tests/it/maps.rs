@@ -517,3 +517,34 @@ fn a_log_in_utm_coordinates_has_correct_degrees() {
         assert!(message.contains("UTM zone 19N") && message.contains("69d"), "{message}");
     }
 }
+
+/// Places of the first picture of README.md, in metres east and north, with the probability that it shows there.
+const README_PLACES: [(f64, f64, f64); 9] = [
+    (199.5, 199.5, 0.984),
+    (199.5, 694.5, 0.992),
+    (199.5, 1200.5, 0.868),
+    (694.5, 199.5, 0.998),
+    (694.5, 694.5, 1.0),
+    (694.5, 1200.5, 0.964),
+    (1200.5, 199.5, 0.556),
+    (1200.5, 694.5, 0.656),
+    (1200.5, 1200.5, 0.108),
+];
+
+#[test]
+fn the_first_picture_of_the_readme_shows_these_probabilities() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = Path::new(env!("CARGO_MANIFEST_DIR")).join("../trial/data/bay3.csv");
+    // The command of docs/make-pictures.
+    let log = log.to_str().unwrap();
+    let drawn = pingmap(folder.path(), &["map", log, "--at", "700,510", "-o", "map.csv"]);
+    assert!(drawn.status.success(), "{}", stderr(&drawn));
+    let table = String::from_utf8(read(folder.path(), "map.csv")).unwrap();
+    let cells: Vec<Vec<f64>> =
+        table.lines().skip(1).map(|line| line.split(',').map(|field| field.parse().unwrap()).collect()).collect();
+    for (east_m, north_m, expected) in README_PLACES {
+        let distance_m = |cell: &Vec<f64>| (cell[0] - east_m).hypot(cell[1] - north_m);
+        let nearest = cells.iter().min_by(|a, b| distance_m(a).total_cmp(&distance_m(b))).unwrap();
+        assert!(distance_m(nearest) < 1.0 && (nearest[2] - expected).abs() < 0.03, "{nearest:?}: {expected}");
+    }
+}
