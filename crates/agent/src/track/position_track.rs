@@ -89,16 +89,11 @@ pub(crate) fn coordinate_bits(position: &Position) -> [u64; 4] {
 /// headings, or the course if one of them is unknown.
 pub(crate) fn interpolate(from: &(f64, Position), to: &(f64, Position), time_s: f64) -> Position {
     let share = if to.0 > from.0 { (time_s - from.0) / (to.0 - from.0) } else { 1.0 };
-    let along = |a: f64, b: f64| a + share * (b - a);
-    Position {
-        east_m: along(from.1.east_m, to.1.east_m),
-        north_m: along(from.1.north_m, to.1.north_m),
-        depth_m: from.1.depth_m.zip(to.1.depth_m).map(|(a, b)| along(a, b)),
-        heading_deg: match from.1.heading_deg.zip(to.1.heading_deg) {
-            Some((a, b)) => Some((a + share.clamp(0.0, 1.0) * turn_deg(a, b)).rem_euclid(360.0)),
-            None => from.1.course_deg(&to.1),
-        },
-    }
+    let heading_deg = match from.1.heading_deg.zip(to.1.heading_deg) {
+        Some((a, b)) => Some((a + share.clamp(0.0, 1.0) * turn_deg(a, b)).rem_euclid(360.0)),
+        None => from.1.course_deg(&to.1),
+    };
+    Position { heading_deg, ..from.1.between(&to.1, share) }
 }
 
 /// Returns the shorter turn from one heading to another, from −180 to 180 degrees, positive to starboard.

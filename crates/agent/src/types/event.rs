@@ -78,6 +78,19 @@ impl Position {
         Self { heading_deg: None, ..self }
     }
 
+    /// Returns the position at a share of the way to another one: this position at 0, and the other one at 1. The depth
+    /// is known if both depths are. The heading is unknown.
+    #[must_use]
+    pub fn between(&self, to: &Position, share: f64) -> Position {
+        let along = |from: f64, to: f64| from + share * (to - from);
+        Position {
+            east_m: along(self.east_m, to.east_m),
+            north_m: along(self.north_m, to.north_m),
+            depth_m: self.depth_m.zip(to.depth_m).map(|(from_m, to_m)| along(from_m, to_m)),
+            heading_deg: None,
+        }
+    }
+
     /// Returns the course from this position to another one, in degrees clockwise from north, from 0 to 360.
     ///
     /// Returns `None` for positions that are less than two metres apart.
@@ -125,14 +138,9 @@ impl Link {
         if share.is_nan() || share >= 1.0 {
             return *self;
         }
-        let along = |from: f64, to: f64| from + share * (to - from);
-        let receiver = Position {
-            east_m: along(from.east_m, to.east_m),
-            north_m: along(from.north_m, to.north_m),
-            depth_m: to.depth_m.map(|to_m| from.depth_m.map_or(to_m, |from_m| along(from_m, to_m))),
-            heading_deg: to.heading_deg,
-        };
-        Self { receiver, ..*self }
+        let between = from.between(&to, share);
+        let depth_m = between.depth_m.or(to.depth_m);
+        Self { receiver: Position { depth_m, heading_deg: to.heading_deg, ..between }, ..*self }
     }
 }
 

@@ -56,14 +56,9 @@ impl Fixes {
         }
         let (from, to) = (before?, next);
         let share = (time_s - from.0) / (to.0 - from.0);
-        let along = |a: f64, b: f64| a + share * (b - a);
         let nearest = if share < 0.5 { from } else { to };
-        Some(Position {
-            east_m: along(from.1.east_m, to.1.east_m),
-            north_m: along(from.1.north_m, to.1.north_m),
-            depth_m: from.1.depth_m.zip(to.1.depth_m).map(|(a, b)| along(a, b)),
-            heading_deg: nearest.1.heading_deg.or_else(course_deg),
-        })
+        let heading_deg = nearest.1.heading_deg.or_else(course_deg);
+        Some(Position { heading_deg, ..from.1.between(&to.1, share) })
     }
 }
 

@@ -51,13 +51,7 @@ impl Track {
         let previous = &self.fixes[next.checked_sub(1)?];
         let gap_s = following.0 - previous.0;
         let share = (time_s - previous.0) / gap_s;
-        let interpolate = |a: f64, b: f64| a + share * (b - a);
-        (gap_s <= gap_s_max).then(|| Position {
-            east_m: interpolate(previous.1.east_m, following.1.east_m),
-            north_m: interpolate(previous.1.north_m, following.1.north_m),
-            depth_m: previous.1.depth_m.zip(following.1.depth_m).map(|(a, b)| interpolate(a, b)),
-            heading_deg: None,
-        })
+        (gap_s <= gap_s_max).then(|| previous.1.between(&following.1, share))
     }
 
     /// Returns the spans of successive fixes above a depth, from the first to the last fix of each.
