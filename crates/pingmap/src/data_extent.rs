@@ -36,8 +36,8 @@ impl DataExtent {
         Self { squares, side_m, longest_m }
     }
 
-    /// Returns true if the nearest position with data is farther away than the longest link with data. Nothing is known
-    /// about links to such a position. Positions of squares that are far as a whole are not compared.
+    /// Returns true if the nearest position with data is farther away than the longest link with data. Links to such a
+    /// position have the interval from 0 to 1. Positions of squares that are far as a whole are not compared.
     pub fn is_far(&self, at: &Position) -> bool {
         let (x, y) = (at.east_m, at.north_m);
         let away_m = |value_m: f64, square: i64| {
@@ -89,13 +89,14 @@ impl DataExtent {
     /// States where the data end, seen from a place.
     pub fn sentence(&self, at: &Position) -> String {
         let place = format!("({:.0}, {:.0})", at.east_m, at.north_m);
-        let (nearest_m, farthest_m, longest_m) = (self.nearest_m(at), self.farthest_m(at), self.longest_m);
-        if self.is_far(at) {
+        let (nearest_m, longest_m) = (self.nearest_m(at), self.longest_m);
+        if nearest_m > longest_m {
             return format!(
                 "Not known: {place} is {nearest_m:.0} m from the nearest position with data, farther than the longest link \
                  with data ({longest_m:.0} m)."
             );
         }
+        let farthest_m = self.farthest_m(at);
         format!(
             "No data beyond {farthest_m:.0} m from {place}; the nearest position with data is {nearest_m:.0} m away."
         )
@@ -103,8 +104,9 @@ impl DataExtent {
 
     /// States how far a track leads away from the data, given the positions of its messages.
     pub fn track_sentence(&self, track: &[Position]) -> String {
-        let farthest_m = track.iter().map(|at| self.nearest_m(at)).fold(0.0, f64::max);
-        let far = track.iter().filter(|at| self.is_far(at)).count();
+        let nearest_m: Vec<f64> = track.iter().map(|at| self.nearest_m(at)).collect();
+        let farthest_m = nearest_m.iter().copied().fold(0.0, f64::max);
+        let far = nearest_m.iter().filter(|&&nearest_m| nearest_m > self.longest_m).count();
         let percent = (100.0 * far as f64 / track.len() as f64).ceil();
         let far = if far > 0 {
             &*format!(

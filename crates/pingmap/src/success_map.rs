@@ -1,7 +1,7 @@
 //! Maps of success probability, seen from one place or from several together.
 
 use dgpc::{Matrix, success_probability};
-use pingmap_agent::{Agent, Link, LinkQuery, Position, Prediction};
+use pingmap_agent::{Agent, Link, LinkQuery, Position, Prediction, Time};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -168,6 +168,21 @@ impl SuccessMap {
             sides.push(Side { seen, cells });
         }
         Ok(Self { area, at: query.at.to_vec(), join: query.join, sides })
+    }
+
+    /// Predicts messages from a vehicle's position at a time to typical receivers, as the vehicle itself knows them.
+    pub fn of_messages(
+        agent: &mut Agent,
+        at: Position,
+        when: Time,
+        area: Area,
+        extent: &DataExtent,
+    ) -> anyhow::Result<Self> {
+        let transmitter = agent.id().into();
+        let attempt = |link| LinkQuery { transmitter, when, ..LinkQuery::from(link) };
+        let (seen, join, depth_m) = (Seen::Tx, Join::All, at.depth_m);
+        let query = MapQuery { at: &[at], seen, join, depth_m, heading_deg: None, extent, attempt: &attempt };
+        Self::new(agent, area, &query)
     }
 
     /// Returns the distances from the nearest position at which cells reach the required probability.

@@ -3,18 +3,18 @@
 use std::collections::BTreeMap;
 
 use anyhow::Context;
-use pingmap_agent::{Agent, Event, Link, LinkQuery, Position, Time, VehicleId, Which};
+use pingmap_agent::{Agent, Event, Link, Position, Time, VehicleId, Which};
 use pingmap_trial::{Bin, Calibrated, Calibration, Mission, Plan, Preshared, RangeBin};
 
 use super::replayed::Replayed;
 use crate::area::Area;
-use crate::cli_enums::{Join, Layer, Seen};
+use crate::cli_enums::Layer;
 use crate::data_extent::DataExtent;
 use crate::figure::{Arrows, Figure, Mark, Room, Series, Style, curves, link_map};
 use crate::grid::Point;
 use crate::map_figure::{FigureContent, figure};
 use crate::reference::reference;
-use crate::success_map::{HATCH_WIDTH, LEVELS, MapQuery, SuccessMap};
+use crate::success_map::{HATCH_WIDTH, LEVELS, SuccessMap};
 use crate::tracks;
 
 /// Largest number of packets per vehicle behind the maps.
@@ -62,9 +62,10 @@ impl Pictures {
         let mission = Mission::prepare(&replayed.log, split, &plan, frames)?;
         let mut team = mission.after_sharing(frames)?;
         let vehicles = team.len();
+        let extent = DataExtent::of(&replayed.log.events, []);
         let mut maps = Vec::new();
         for agent in team.iter_mut().take(MAPS_MAX) {
-            maps.push(map(agent, replayed)?);
+            maps.push(map(agent, replayed, &extent)?);
         }
         let over_range = over_range(&mut team, replayed)?;
         let first = team.first().context("every log has a receiver")?;
@@ -78,20 +79,15 @@ impl Pictures {
 
 /// Draws the map of messages from a vehicle's last own position to typical receivers, at the time of its last own
 /// event.
-fn map(viewer: &mut Agent, replayed: &Replayed) -> anyhow::Result<MapPicture> {
+fn map(viewer: &mut Agent, replayed: &Replayed, extent: &DataExtent) -> anyhow::Result<MapPicture> {
     let events = &replayed.log.events;
     let last: Option<&Event> = viewer.events().last();
     let at = last.map_or(events[0].link.receiver, |event| event.link.receiver);
     let end_s = last.map(|event| event.time_s);
-    let (transmitter, when) = (viewer.id().into(), end_s.map_or(Time::Typical, Time::At));
-    let attempt = |link| LinkQuery { transmitter, when, ..LinkQuery::from(link) };
+    let when = end_s.map_or(Time::Typical, Time::At);
     let ends = events.iter().flat_map(|event| event.link.ends());
     let area = Area::around(ends.chain([at]), None)?;
-    let (at, depth_m) = (at.without_heading(), at.depth_m);
-    let extent = &DataExtent::of(events, []);
-    let (seen, join) = (Seen::Tx, Join::All);
-    let query = MapQuery { at: &[at], seen, join, depth_m, heading_deg: None, extent, attempt: &attempt };
-    let map = SuccessMap::new(viewer, area, &query)?;
+    let map = SuccessMap::of_messages(viewer, at.without_heading(), when, area, extent)?;
     let place = reference(replayed.log.reference)?;
     let content = FigureContent {
         events,

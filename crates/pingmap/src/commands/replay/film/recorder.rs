@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use pingmap_agent::{Agent, Event, LinkQuery, Position, Time, VehicleId};
+use pingmap_agent::{Agent, Event, Position, Time, VehicleId};
 use pingmap_import::time_in_words;
 use pingmap_packet::to_hex;
 use pingmap_trial::{EventLog, Vehicles};
@@ -10,9 +10,8 @@ use rayon::prelude::*;
 
 use super::data::{AreaData, Film, Message, Moment, Vehicle, ViewerMap, cell_byte, colors, metres};
 use crate::area::Area;
-use crate::cli_enums::{Join, Seen};
 use crate::data_extent::DataExtent;
-use crate::success_map::{MapQuery, SuccessMap};
+use crate::success_map::SuccessMap;
 use crate::tracks;
 
 /// Number of moments, equally spaced from the first to the last event.
@@ -64,8 +63,10 @@ impl<'a> Recorder<'a> {
     /// Records the maps of all vehicles at a time. Predictions are those of copies, so that they do not change the
     /// vehicles. O(cells · n²) for n events of a vehicle. `step` is called after every map.
     pub fn record(&mut self, time_s: f64, vehicles: &Vehicles, step: &(dyn Fn() + Sync)) -> anyhow::Result<()> {
+        let earlier = self.log.events.iter().filter(|event| event.time_s <= time_s);
+        let extent = DataExtent::of(&[], earlier.map(|event| &event.link));
         let map = |agent: &Agent| {
-            let map = self.map(&mut agent.clone(), time_s);
+            let map = self.map(&mut agent.clone(), time_s, &extent);
             step();
             map
         };
@@ -77,16 +78,9 @@ impl<'a> Recorder<'a> {
     }
 
     /// Returns the map of messages from the vehicle's position at a time to typical receivers.
-    fn map(&self, agent: &mut Agent, time_s: f64) -> anyhow::Result<ViewerMap> {
+    fn map(&self, agent: &mut Agent, time_s: f64, extent: &DataExtent) -> anyhow::Result<ViewerMap> {
         let at = place_at(&self.tracks[agent.id()], time_s);
-        let (transmitter, when) = (agent.id().into(), Time::At(time_s));
-        let attempt = |link| LinkQuery { transmitter, when, ..LinkQuery::from(link) };
-        let (at, depth_m) = (&[at], at.depth_m);
-        let earlier = self.log.events.iter().filter(|event| event.time_s <= time_s);
-        let extent = &DataExtent::of(&[], earlier.map(|event| &event.link));
-        let (seen, join) = (Seen::Tx, Join::All);
-        let query = MapQuery { at, seen, join, depth_m, heading_deg: None, extent, attempt: &attempt };
-        let map = SuccessMap::new(agent, self.area, &query)?;
+        let map = SuccessMap::of_messages(agent, at, Time::At(time_s), self.area, extent)?;
         let cells: Vec<u8> = map.sides.iter().flat_map(|side| &side.cells).map(cell_byte).collect();
         let status = agent.status();
         Ok(ViewerMap {
@@ -124,14 +118,9 @@ fn place_at(track: &[(f64, Position)], time_s: f64) -> Position {
         return before.1;
     }
     let share = (time_s - before.0) / (after.0 - before.0);
-    let between = |a: f64, b: f64| a + share * (b - a);
-    let depth_m = before.1.depth_m.zip(after.1.depth_m).map(|(a, b)| between(a, b));
-    Position {
-        east_m: between(before.1.east_m, after.1.east_m),
-        north_m: between(before.1.north_m, after.1.north_m),
-        depth_m: depth_m.or(before.1.depth_m),
-        ..before.1
-    }
+    let between = before.1.between(&after.1, share);
+    let depth_m = between.depth_m.or(before.1.depth_m);
+    Position { depth_m, heading_deg: before.1.heading_deg, ..between }
 }
 
 #[cfg(test)]
