@@ -5,6 +5,7 @@ use std::io::Write as _;
 use std::path::Path;
 use std::process::Command;
 
+use crate::common::chromium::{self, HEADLESS};
 use crate::common::{file, json, log, pingmap, stderr, stdout};
 
 /// Writes a report of a small mission, and returns its page.
@@ -21,27 +22,13 @@ fn report(folder: &Path) -> String {
 
 /// Returns the output of Chromium, or prints that the test is skipped.
 fn chromium(folder: &Path, arguments: &[&str]) -> Option<String> {
+    let program = chromium::chromium()?;
     let profile = format!("--user-data-dir={}", folder.join("profile").display());
-    let common = [
-        "--headless=new",
-        "--no-sandbox",
-        "--disable-gpu",
-        "--hide-scrollbars",
-        "--virtual-time-budget=8000",
-        "--no-first-run",
-        "--disable-background-networking",
-        "--disable-component-update",
-        "--disable-sync",
-        &profile,
-    ];
-    for program in ["chromium", "chromium-browser", "google-chrome"] {
-        if let Ok(output) = Command::new(program).args(common).args(arguments).output() {
-            assert!(output.status.success(), "{program} {arguments:?}: {}", stderr(&output));
-            return Some(String::from_utf8_lossy(&output.stdout).into_owned());
-        }
-    }
-    std::io::stderr().write_all(b"skipped: there is no Chromium\n").unwrap();
-    None
+    let mut command = Command::new(program);
+    let output =
+        command.args(HEADLESS).args(["--virtual-time-budget=8000", &profile]).args(arguments).output().unwrap();
+    assert!(output.status.success(), "{program} {arguments:?}: {}", stderr(&output));
+    Some(String::from_utf8_lossy(&output.stdout).into_owned())
 }
 
 /// A script that measures the page in a frame: its width, the number of elements that overflow, and its colours.

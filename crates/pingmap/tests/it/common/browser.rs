@@ -8,10 +8,11 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
+use super::chromium::{HEADLESS, chromium};
+
 /// Starts Chromium with pipes as the files 3 and 4, which it reads requests from and writes answers to.
-const START: &str = "mkfifo in out && exec $0 --headless=new --no-sandbox --disable-gpu --hide-scrollbars --no-first-run \
-  --disable-background-networking --disable-component-update --disable-sync --user-data-dir=profile \
-  --remote-debugging-pipe about:blank 3< in 4> out";
+const START: &str =
+    "mkfifo in out && exec $0 \"$@\" --user-data-dir=profile --remote-debugging-pipe about:blank 3< in 4> out";
 
 /// A running Chromium with one page. It ends with this value.
 pub struct Browser {
@@ -28,13 +29,15 @@ pub struct Browser {
 impl Browser {
     /// Starts Chromium, or prints that the test is skipped. Files of the browser are written to the folder.
     pub fn start(folder: &Path) -> Option<Self> {
-        let is_present = |name: &&str| Command::new(name).arg("--version").output().is_ok();
-        let Some(program) = ["chromium", "chromium-browser", "google-chrome"].into_iter().find(is_present) else {
-            std::io::stderr().write_all(b"skipped: there is no Chromium\n").unwrap();
-            return None;
-        };
+        let program = chromium()?;
         let mut shell = Command::new("sh");
-        let process = shell.args(["-c", START, program]).current_dir(folder).stderr(Stdio::null()).spawn().unwrap();
+        let process = shell
+            .args(["-c", START, program])
+            .args(HEADLESS)
+            .current_dir(folder)
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
         let start = Instant::now();
         while !folder.join("out").exists() {
             assert!(start.elapsed() < Duration::from_secs(30), "the shell makes no pipes");

@@ -2,6 +2,7 @@
 
 #[cfg(unix)]
 pub mod browser;
+pub mod chromium;
 pub mod mission;
 pub mod tables;
 
