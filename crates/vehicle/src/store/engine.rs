@@ -15,7 +15,7 @@ const CACHE_BYTES: usize = 16 << 20;
 /// Runs an operation of the engine and returns a panic as [`StoreError::Damaged`].
 ///
 /// The engine asserts properties of its files. A file that was altered by a failing medium can violate them in places
-/// that no checksum covers. A vehicle must start even with such a file.
+/// that no checksum covers. A vehicle must start with a damaged file, too.
 ///
 /// The operation owns the database, or the caller does not use it after an error. No broken invariant is observed.
 pub(crate) fn catch_panics<T>(path: &Path, operation: impl FnOnce() -> Result<T, StoreError>) -> Result<T, StoreError> {

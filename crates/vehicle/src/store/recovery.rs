@@ -34,7 +34,7 @@ pub enum Opened {
 /// snapshot at `snapshot_path`.
 ///
 /// A damaged file is never deleted or changed. A damaged store is renamed to `NAME.damaged-1`, or to the next number
-/// that is free, and a damaged snapshot is copied to such a name. After a crash within this function, the next call
+/// that is free. A damaged snapshot is copied to a name of this form. After a crash within this function, the next call
 /// recovers again.
 ///
 /// # Errors

@@ -22,7 +22,7 @@ impl Vehicle {
         }
     }
 
-    /// Checks a time that the clock does not follow.
+    /// Checks that a time is within bounds, without a limit relative to the clock.
     pub(crate) fn check_any_time(&self, field: &str, time_s: f64) -> Result<(), Fault> {
         match bounds::TIME_S.check(time_s) {
             Some(_) => Ok(()),

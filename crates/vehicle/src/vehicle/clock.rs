@@ -83,8 +83,8 @@ impl Vehicle {
         self.is_starting = false;
         self.change_ledger(LedgerRecord::Deaf { from_s, to_s: first.time_s, reason: reason.into() });
         self.set_clock(first.time_s);
-        if let Some(nav) = &first.nav
-            && let Err(fault) = self.apply_nav(nav)
+        if let Some((nav, position)) = &first.nav
+            && let Err(fault) = self.apply_nav(nav, *position)
         {
             self.send(Message::Error { input: self.inputs, fault });
         }

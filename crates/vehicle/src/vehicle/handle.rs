@@ -43,7 +43,7 @@ impl Vehicle {
     pub fn begin_host(&mut self) {
         self.has_greeted = false;
         self.inputs = 0;
-        // Nobody could report receptions meanwhile.
+        // Without a host, receptions are not reported.
         (self.is_starting, self.after_gap) = (true, None);
     }
 
@@ -208,20 +208,19 @@ impl Vehicle {
     fn navigate(&mut self, nav: &Nav) -> Result<(), Fault> {
         self.check_sigma("clock_sigma", nav.clock_sigma)?;
         self.check_sigma("sigma", nav.sigma)?;
-        self.position("position", &nav.position)?;
+        let position = self.position("position", &nav.position)?;
         let advanced = self.advance_clock(nav.time);
         if advanced == Ok(true) {
-            return self.apply_nav(nav);
+            return self.apply_nav(nav, position);
         }
         if let Some(first) = &mut self.after_gap {
-            first.nav = Some(*nav);
+            first.nav = Some((*nav, position));
         }
         advanced.map(drop)
     }
 
     /// Applies navigation whose time the clock has reached.
-    pub(crate) fn apply_nav(&mut self, nav: &Nav) -> Result<(), Fault> {
-        let position = self.position("position", &nav.position)?;
+    pub(crate) fn apply_nav(&mut self, nav: &Nav, position: Position) -> Result<(), Fault> {
         if self.nav_s.is_none_or(|nav_s| nav.time >= nav_s) {
             self.nav_s = Some(nav.time);
             self.note_deafness(SURFACED, nav.surfaced, nav.time);
@@ -269,9 +268,8 @@ impl Vehicle {
     /// slot would predict that slot only if it was heard. A position after the slot would locate only heard slots.
     fn arrival_s(&self, peer: &Peer) -> f64 {
         let slots = &self.agent.team().slots;
-        let arrival_s = self.arrivals_s.get(&peer.member).copied();
-        let now_s =
-            arrival_s.unwrap_or_else(|| self.ledger.clock_s().map_or(peer.time, |clock_s| clock_s.max(peer.time)));
+        let clock_s = self.ledger.clock_s().unwrap_or(peer.time);
+        let now_s = self.arrivals_s.get(&peer.member).copied().unwrap_or(clock_s.max(peer.time));
         let latest = slots.number(now_s).into_iter().flat_map(|latest| (0..=latest).rev());
         let slot = latest.take(SLOTS_BACK_MAX).find(|&slot| slots.sender(slot) == Some(&peer.member));
         match slot.and_then(|slot| span_s(slots, slot)) {

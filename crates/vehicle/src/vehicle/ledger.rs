@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use pingmap_agent::Slots;
+use pingmap_agent::{Position, Slots};
 use serde::{Deserialize, Serialize};
 
 use crate::protocol::input::Nav;
@@ -52,7 +52,8 @@ pub(crate) enum LedgerRecord {
 #[derive(Debug, Clone)]
 pub(crate) struct AfterGap {
     pub(crate) time_s: f64,
-    pub(crate) nav: Option<Nav>,
+    /// Navigation, and its position on the chart. `None` for other reports.
+    pub(crate) nav: Option<(Nav, Position)>,
 }
 
 /// How a slot of another member counts.

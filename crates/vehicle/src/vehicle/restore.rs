@@ -107,8 +107,9 @@ impl Vehicle {
             let wrong = |problem| RestoreError::Record { index, problem };
             match Record::from_bytes(bytes).map_err(wrong)? {
                 Record::Entry(Entry::Sent { state: FrameState::Proposed, .. }) => sent += 1,
-                Record::Entry(Entry::Sent { .. } | Entry::Received { .. } | Entry::UnusedSlot { .. }) => {}
-                Record::Entry(Entry::Piggyback { .. }) => {}
+                Record::Entry(
+                    Entry::Sent { .. } | Entry::Received { .. } | Entry::UnusedSlot { .. } | Entry::Piggyback { .. },
+                ) => {}
                 record => vehicle.apply(record).map_err(wrong)?,
             }
         }

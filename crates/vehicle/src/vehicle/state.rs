@@ -143,9 +143,9 @@ impl Vehicle {
 
     /// Returns the position of a vehicle at the time of the clock; its own one from the first navigation on.
     pub(crate) fn latest_position(&self, id: &VehicleId) -> Option<Position> {
-        let first = self.after_gap.as_ref().and_then(|first| first.nav.as_ref()).filter(|_| id == self.id());
+        let first = self.after_gap.as_ref().and_then(|first| first.nav).filter(|_| id == self.id());
         let known = self.positions.latest(id, self.ledger.clock_s().unwrap_or(f64::INFINITY));
-        known.or_else(|| self.position("position", &first?.position).ok())
+        known.or(first.map(|(_, position)| position))
     }
 
     /// Applies a change of the ledger, and notes it for the store.

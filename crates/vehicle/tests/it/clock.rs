@@ -180,8 +180,7 @@ fn an_own_slot_before_the_start_is_not_reported_as_unused() {
     let mut host = host.restarted();
     host.nav(238.0);
     host.nav(250.0);
-    let unused = host.contents.entries.iter().filter(|record| record.get(2) == Some(&6)).count();
-    assert_eq!(unused, 0);
+    assert_eq!(host.unused_slots(0), 0);
 }
 
 #[test]
@@ -209,8 +208,7 @@ fn slots_while_no_host_was_connected_do_not_count() {
     host.nav(286.0);
     assert_eq!(host.events.len(), 10);
     assert!(host.status().excluded_slots["the vehicle was not running"] >= 3);
-    let unused = host.contents.entries[entries..].iter().filter(|record| record.get(2) == Some(&6)).count();
-    assert_eq!(unused, 0);
+    assert_eq!(host.unused_slots(entries), 0);
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use pingmap_agent::Entry;
 use pingmap_vehicle::{Identity, Store};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -59,4 +60,9 @@ pub fn fill(store: &mut Store) -> (Vec<u8>, Vec<Vec<u8>>) {
         store.append(batch).unwrap();
     }
     (base, entries)
+}
+
+/// Returns whether a record of a store is an entry of the agent of some kind.
+pub fn is_entry(record: &[u8], is_wanted: fn(&Entry) -> bool) -> bool {
+    record.first() == Some(&0) && Entry::from_bytes(&record[1..]).is_ok_and(|entry| is_wanted(&entry))
 }

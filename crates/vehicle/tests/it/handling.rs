@@ -202,10 +202,7 @@ fn receptions_in_a_slot_of_another_member_are_one_outcome() {
     let mut host = Host::new("");
     [0.0, 0.5].into_iter().for_each(|time_s| host.nav(time_s));
     (0..50).for_each(|n| drop(host.hear(1.0 + 0.1 * f64::from(n))));
-    let outcomes = host.contents.entries.iter().filter(|record| {
-        record.first() == Some(&0) && matches!(Entry::from_bytes(&record[1..]), Ok(Entry::Outcome { .. }))
-    });
-    assert_eq!(outcomes.count(), 1);
+    assert_eq!(host.entries(0, |entry| matches!(entry, Entry::Outcome { .. })), 1);
 }
 
 #[test]
@@ -238,7 +235,7 @@ fn a_frame_by_an_acoustic_link_names_its_sender_and_shows_that_its_slot_was_hear
     assert_eq!(code(&host.send(Input::FrameIn(nameless))), FaultCode::WrongField);
     host.peer(5.0, PeerSource::Other);
     let frame = FrameIn { time: 11.0, from: Some(VehicleId::new("bob")), bytes, link: FrameLink::Acoustic };
-    // A damaged frame is a reception all the same.
+    // A damaged frame counts as a reception, too.
     assert!(matches!(host.send(Input::FrameIn(frame)), Message::Acknowledgement { counts: false, .. }));
     host.peer(25.0, PeerSource::Other);
     host.nav(30.0);
@@ -274,7 +271,7 @@ fn own_slots_without_a_transmission_are_reported_as_unused() {
         for time_s in [230.0, 245.0, 260.0] {
             host.nav(time_s);
         }
-        host.contents.entries.iter().filter(|record| record.get(2) == Some(&6)).count()
+        host.unused_slots(0)
     };
     assert_eq!((unused(false), unused(true)), (0, 3));
 }

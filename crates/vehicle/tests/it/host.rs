@@ -2,12 +2,14 @@
 
 use std::sync::Arc;
 
-use pingmap_agent::{Chart, InputSpec, Model, Position, Slots, Team, VehicleId};
+use pingmap_agent::{Chart, Entry, InputSpec, Model, Position, Slots, Team, VehicleId};
 use pingmap_import::Reference;
 use pingmap_vehicle::{
     Answer, At, Contents, End, FaultCode, Heard, Hello, Input, LearnedEvent, Message, Nav, Output, PROTOCOL, Peer,
     PeerSource, Place, Predict, QueryLink, StatusReport, Vehicle, VehicleConfig,
 };
+
+use crate::common::is_entry;
 
 pub const SLOT_S: f64 = 10.0;
 
@@ -133,6 +135,16 @@ impl Host {
             let (member, position) = (VehicleId::new("bob"), at(cycle * 7 % 23));
             self.send(Input::Peer(Peer { time, member, position, source: PeerSource::Other }));
         }
+    }
+
+    /// Returns the number of entries of a kind among the records of the store from `first` on.
+    pub fn entries(&self, first: usize, is_wanted: fn(&Entry) -> bool) -> usize {
+        self.contents.entries[first..].iter().filter(|record| is_entry(record, is_wanted)).count()
+    }
+
+    /// Returns the number of own slots that were reported as unused, among the records from `first` on.
+    pub fn unused_slots(&self, first: usize) -> usize {
+        self.entries(first, |entry| matches!(entry, Entry::UnusedSlot { .. }))
     }
 
     pub fn status(&mut self) -> StatusReport {

@@ -8,7 +8,7 @@ pub enum Finding {
     LostRecords { vehicle: usize, slot: u32, problem: String },
     /// Two events of one vehicle have one slot.
     CountedTwice { vehicle: usize, time_s: f64 },
-    /// The restarted vehicle differs from one with what was acknowledged.
+    /// The restarted vehicle differs from one with the acknowledged records.
     OtherSnapshot { vehicle: usize, slot: u32 },
     /// A frame counts that no member sent.
     AcceptedForgery { vehicle: usize, slot: u32 },

@@ -7,6 +7,7 @@ use pingmap_agent::{Agent, AgentOptions, Entry, Event, Team, Which};
 use pingmap_import::Reference;
 use pingmap_vehicle::{Contents, Hello, Identity, Input, Message, Output, PROTOCOL, Store, Vehicle, VehicleConfig};
 
+use crate::common::is_entry;
 use crate::sim_disk::SimDisk;
 use crate::simulation::checks::Finding;
 use crate::simulation::faulty::Sabotage;
@@ -251,8 +252,4 @@ fn snapshot_at_end(agent: &Agent) -> Vec<u8> {
     let mut agent = agent.clone();
     agent.receive(&[], Some(1e7));
     agent.snapshot()
-}
-
-fn is_entry(record: &[u8], is_wanted: fn(&Entry) -> bool) -> bool {
-    record.first() == Some(&0) && Entry::from_bytes(&record[1..]).is_ok_and(|entry| is_wanted(&entry))
 }
