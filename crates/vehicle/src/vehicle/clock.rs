@@ -4,14 +4,12 @@ use std::collections::BTreeMap;
 
 use crate::protocol::fault::{Fault, FaultCode};
 use crate::protocol::output::Message;
+use crate::vehicle::copies::Copies;
 use crate::vehicle::ledger::{AfterGap, LEAD_S_MAX, LedgerRecord};
 use crate::vehicle::state::Vehicle;
 
 pub(crate) const NOT_RUNNING: &str = "the vehicle was not running";
 pub(crate) const NO_INPUT: &str = "no input from the host";
-
-/// Maximum number of stored copies of the agent. Slots after the last copy are predicted by it.
-const COPIES_MAX: usize = 8;
 
 impl Vehicle {
     /// Moves the clock to the time of navigation. Returns whether the navigation applies now: its time is at most
@@ -45,7 +43,7 @@ impl Vehicle {
             return Ok(is_confirmed);
         }
         if self.is_starting {
-            self.copies.entry(0).or_insert_with(|| self.agent.clone());
+            self.copies.start(&self.agent);
         }
         let is_behind = lead_s < 0.0 && !self.is_starting;
         if is_behind || before_s.is_some_and(|before_s| time_s - before_s > LEAD_S_MAX) {
@@ -62,7 +60,7 @@ impl Vehicle {
         if clock_s.is_some_and(|clock_s| first.time_s < clock_s) {
             let next = self.ledger.next_before_jump(&self.agent.team().slots, first.time_s);
             self.change_ledger(LedgerRecord::Restarted { next });
-            self.copies.clear();
+            self.copies = Copies::default();
             self.arrivals_s.clear();
             self.nav_s = None;
         }
@@ -90,16 +88,19 @@ impl Vehicle {
         }
     }
 
-    /// Sets the clock. Stores a copy of the agent at the first report in a slot. A copy costs O(n²) for n events.
     fn set_clock(&mut self, time_s: f64) {
         self.ledger.apply(&LedgerRecord::Handled { time_s });
-        // Data that arrived in a later slot are in the copy already.
-        let latest_s = self.arrivals_s.values().copied().fold(time_s, f64::max);
+        self.copy_agent(time_s);
+    }
+
+    /// Stores a copy of the agent if an input is the first one of its slot. A reception far after the clock does not
+    /// count.
+    pub(crate) fn copy_agent(&mut self, time_s: f64) {
+        let is_near = self.ledger.clock_s().is_some_and(|clock_s| time_s - clock_s <= self.config.clock.gap_s);
         let slots = &self.agent.team().slots;
-        let present = slots.number(latest_s).and_then(|slot| slots.transmission_slot(slot));
-        let Some(present) = present.filter(|&slot| !self.ledger.is_settled(slot)) else { return };
-        if self.copies.len() < COPIES_MAX && !self.copies.contains_key(&present) {
-            self.copies.insert(present, self.agent.clone());
+        let present = slots.number(time_s).and_then(|slot| slots.transmission_slot(slot));
+        if let Some(slot) = present.filter(|&slot| is_near && !self.is_starting && !self.ledger.is_settled(slot)) {
+            self.copies.add(slot, &self.agent);
         }
     }
 }

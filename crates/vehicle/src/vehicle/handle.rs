@@ -135,6 +135,13 @@ impl Vehicle {
 
     /// Applies a message after its checks. Returns whether it has sent an answer.
     fn apply_input(&mut self, input: Input) -> Result<bool, Fault> {
+        if let Input::Heard(Heard { time, .. })
+        | Input::Nmea(Nmea { time, .. })
+        | Input::FrameIn(FrameIn { time, .. })
+        | Input::PiggybackIn(PiggybackIn { time, .. }) = &input
+        {
+            self.copy_agent(*time);
+        }
         match input {
             Input::Nav(nav) => self.navigate(&nav)?,
             Input::Peer(peer) => self.locate_peer(&peer)?,

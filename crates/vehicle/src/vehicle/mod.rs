@@ -5,6 +5,7 @@ pub(crate) mod record;
 pub(crate) mod ledger;
 pub(crate) mod trust;
 pub(crate) mod positions;
+pub(crate) mod copies;
 pub(crate) mod state;
 pub(crate) mod restore;
 pub(crate) mod check;

@@ -72,8 +72,7 @@ impl Vehicle {
         }
         self.change_ledger(LedgerRecord::Settled { next: due.end, excluded });
         self.ledger.forget_intervals(&slots);
-        let kept = self.copies.range(..due.end).next_back().map_or(due.end, |(&slot, _)| slot);
-        self.copies = self.copies.split_off(&kept);
+        self.copies.forget_before(due.end);
         self.refit_if_due();
     }
 
@@ -114,10 +113,7 @@ impl Vehicle {
             Some(event) => self.agent.record([event])?,
             None => self.agent.record_outcome(from, time_s, heard)?.into_iter().collect(),
         };
-        // The copies predict later slots, so that they need this outcome, too.
-        for agent in self.copies.values_mut() {
-            entries.iter().try_for_each(|entry| agent.apply(entry.clone()).map(drop))?;
-        }
+        self.copies.apply(&entries)?;
         self.records.extend(entries.into_iter().map(Record::Entry));
         if let Some(score) = score {
             self.scores.add(score);
@@ -128,11 +124,10 @@ impl Vehicle {
         Ok(())
     }
 
-    /// Predicts the event of a slot with the last copy from an earlier slot. Data that arrive with the message itself
-    /// would reveal the outcome.
+    /// Predicts the event of a slot with the data from before the slot. Data that arrive with the message itself would
+    /// reveal the outcome.
     fn score(&mut self, event: &Event, slot: u32) -> Result<Score, AgentError> {
-        let copy = self.copies.range_mut(..slot).next_back();
-        let agent = copy.map_or(&mut self.agent, |(_, agent)| agent);
+        let agent = self.copies.before(slot).unwrap_or(&mut self.agent);
         let map = agent.predict([event.query()], Which::Fused)?[0].probability;
         let by_range = self.probability_by_range(&event.link);
         Ok(Score { map, by_range, range_m: event.link.range_m(), heard: event.success })

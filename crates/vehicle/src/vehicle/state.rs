@@ -8,6 +8,7 @@ use pingmap_import::{ModemStream, Reference};
 
 use crate::config::settings::VehicleConfig;
 use crate::protocol::output::Message;
+use crate::vehicle::copies::Copies;
 use crate::vehicle::ledger::{AfterGap, Ledger, LedgerRecord};
 use crate::vehicle::positions::Positions;
 use crate::vehicle::record::Record;
@@ -42,8 +43,7 @@ pub struct Vehicle {
     pub(crate) scores: Scores,
     pub(crate) by_range: RangeModel,
     pub(crate) positions: Positions,
-    /// Copies of the agent from the first report in each slot, for predictions of later slots.
-    pub(crate) copies: BTreeMap<u32, Agent>,
+    pub(crate) copies: Copies,
     pub(crate) modem: ModemStream,
     /// Frames that neither departed nor were dropped, with their expected slots.
     pub(crate) open_frames: BTreeMap<u64, Option<u32>>,
@@ -101,7 +101,7 @@ impl Vehicle {
             scores: Scores::default(),
             by_range: RangeModel::default(),
             positions: Positions::default(),
-            copies: BTreeMap::new(),
+            copies: Copies::default(),
             open_frames: BTreeMap::new(),
             silence: None,
             store_problem: None,

@@ -143,25 +143,26 @@ fn before_any_event_the_answer_is_that_of_the_conservative_range() {
 }
 
 #[test]
-fn a_prediction_uses_no_data_that_arrived_in_its_slot() {
-    // Bob's bits say that he heard Ada, and arrive with the last message.
+fn a_prediction_uses_the_data_that_arrived_before_its_slot() {
+    // Bob's bits say that he heard Ada. They arrive before the last slot, or in it.
     let bits = OutcomeBitmap { slot_mod: 18, outcomes: vec![true; 10] }.encode();
-    let predicted = |receives_bits: bool| {
+    let predicted = |after_s: Option<f64>| {
         let mut host = Host::new("");
         host.cycles(
             |cycle| cycle < 9,
             |host, cycle, begin_s| {
-                if cycle == 9 && receives_bits {
+                if let Some(after_s) = after_s.filter(|_| cycle == 9) {
                     let (from, bits, n_bits) = (VehicleId::new("bob"), format!("{bits:x}"), 16);
-                    host.send(Input::PiggybackIn(PiggybackIn { time: begin_s + 2.0, from, bits, n_bits }));
+                    host.send(Input::PiggybackIn(PiggybackIn { time: begin_s + after_s, from, bits, n_bits }));
                 }
             },
         );
         (host.events.last().unwrap().probability.unwrap(), host.status().located_events)
     };
-    let ((without, none), (with, some)) = (predicted(false), predicted(true));
-    assert!(none == 0 && some > 0, "{some}");
-    assert_eq!(without, with);
+    let [(without, none), (before, early), (within, late)] = [None, Some(-1.0), Some(2.0)].map(predicted);
+    assert!(none == 0 && early > 0 && late > 0, "{early} {late}");
+    assert_ne!(without, before);
+    assert_eq!(without, within);
 }
 
 #[test]
