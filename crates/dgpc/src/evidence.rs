@@ -1,7 +1,7 @@
 //! The evidence bound E and its exact gradient by all learned parameters of a prior ([`crate::method::learning`]).
 
 use crate::error::Result;
-use crate::fit::{Fit, FitOptions, solve_with_gradient};
+use crate::fit::{DenseEngines, Fit, FitOptions, solve_with_gradient};
 use crate::likelihood::Likelihood;
 use crate::observations::Observations;
 use crate::prior::Prior;
@@ -28,6 +28,7 @@ pub struct Evidence {
 pub fn evidence(prior: &Prior, observations: &Observations, options: &FitOptions<'_>) -> Result<Evidence> {
     let likelihood = Likelihood::new(observations, options.messages)?;
     let support = options.support()?;
-    let (found, gradient) = solve_with_gradient(prior, &likelihood, support.as_ref(), options)?;
+    let (found, gradient) =
+        solve_with_gradient(&DenseEngines::default(), prior, &likelihood, support.as_ref(), options)?;
     Ok(Evidence { fit: Fit::new(prior, found, support.as_ref(), options.messages)?, gradient })
 }

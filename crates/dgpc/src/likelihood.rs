@@ -93,15 +93,16 @@ impl<'a> Likelihood<'a> {
     }
 
     /// Returns the prior covariance of all observations, n×n.
-    pub(crate) fn gram(&self, kernel: &Kernel) -> Result<Matrix> {
-        let mut gram = kernel.gram(&self.support)?;
-        if self.has_messages() {
-            self.compress_rows(&mut gram, self.events());
-            gram = gram.transposed();
-            self.compress_rows(&mut gram, self.events());
-            gram.symmetrise();
+    pub(crate) fn write_gram(&self, kernel: &Kernel, gram: &mut Matrix) -> Result<()> {
+        if !self.has_messages() {
+            return kernel.write_gram(&self.support, gram);
         }
-        Ok(gram)
+        let mut wide = kernel.gram(&self.support)?;
+        self.compress_rows(&mut wide, self.events());
+        *gram = wide.transposed();
+        self.compress_rows(gram, self.events());
+        gram.symmetrise();
+        Ok(())
     }
 
     /// Returns the prior covariance of the m message observations with f at `points`, m×M.

@@ -1,6 +1,8 @@
 //! Full Gaussian posterior of a mean field, and the gradient of its evidence bound ([`crate::method::inference`] and
 //! [`crate::method::learning`]).
 
+use std::sync::{Mutex, PoisonError};
+
 use super::newton::Newton;
 use super::pass::Pass;
 use crate::error::Result;
@@ -13,6 +15,8 @@ use crate::prior::Prior;
 const INFORMATIVE: f64 = 1e-4;
 
 /// K and the factors of B = I + Ω^½KΩ^½. All entries are in the order of [`Likelihood`].
+///
+/// The matrices keep their storage from one prior to the next.
 pub(crate) struct Dense {
     gram: Matrix,
     cholesky: Cholesky,
@@ -26,14 +30,33 @@ pub(crate) struct Dense {
     alpha: Vec<f64>,
 }
 
+impl Default for Dense {
+    fn default() -> Self {
+        Self::with_size(0)
+    }
+}
+
 impl Dense {
     pub(crate) fn new(prior: &Prior, likelihood: &Likelihood<'_>) -> Result<Self> {
-        let gram = likelihood.gram(prior.kernel())?;
-        let size = gram.rows();
+        let mut engine = Self::default();
+        engine.prepare(prior, likelihood)?;
+        Ok(engine)
+    }
+
+    /// Prepares passes under another prior. Allocates only if the number of observations changed.
+    fn prepare(&mut self, prior: &Prior, likelihood: &Likelihood<'_>) -> Result<()> {
+        let size = likelihood.len();
+        if self.roots.len() != size {
+            *self = Self::with_size(size);
+        }
+        likelihood.write_gram(prior.kernel(), &mut self.gram)
+    }
+
+    fn with_size(size: usize) -> Self {
         let (cholesky, scratch) = Cholesky::reserve(size);
-        let (factor_inverse, inverse) = (Matrix::zeros(size, size), Matrix::zeros(size, size));
+        let square = || Matrix::zeros(size, size);
         let (roots, alpha) = (vec![0.0; size], vec![0.0; size]);
-        Ok(Self { gram, cholesky, scratch, factor_inverse, inverse, roots, alpha })
+        Self { gram: square(), cholesky, scratch, factor_inverse: square(), inverse: square(), roots, alpha }
     }
 
     /// Returns s_n = (1 − (B⁻¹)_nn)/ω_n, where B⁻¹ = L⁻ᵀL⁻¹.
@@ -87,5 +110,25 @@ impl Dense {
         let mut gradient = likelihood.gram_gradient(prior.kernel(), &mut self.inverse);
         gradient.extend(likelihood.mean_gradient(prior.mean(), &self.alpha));
         gradient
+    }
+}
+
+/// Engines for successive fits of the same observations. Fits at the same time use different engines.
+#[derive(Default)]
+pub(crate) struct DenseEngines(Mutex<Vec<Dense>>);
+
+impl DenseEngines {
+    /// Prepares an engine that is not in use, and runs a fit with it.
+    pub(super) fn run<R>(
+        &self,
+        prior: &Prior,
+        likelihood: &Likelihood<'_>,
+        fit: impl FnOnce(&mut Dense) -> Result<R>,
+    ) -> Result<R> {
+        let idle = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut engine = idle().pop().unwrap_or_default();
+        let result = engine.prepare(prior, likelihood).and_then(|()| fit(&mut engine));
+        idle().push(engine);
+        result
     }
 }

@@ -19,11 +19,12 @@ mod stagnation;
 
 #[cfg(feature = "learn")]
 pub(crate) use cavity::corrected_evidence;
+pub(crate) use dense::DenseEngines;
 pub(crate) use mean_field::MeanField;
 pub use options::FitOptions;
 pub use propagation::Propagated;
 pub use single::{absorb_observations, sites_given};
-pub(crate) use solve::{solve, solve_with_gradient};
+pub(crate) use solve::{solve, solve_with, solve_with_gradient};
 pub use sparse::{Shard, ShardContribution, ShardRequest, ShardedFit};
 pub use stagnation::FitStop;
 

@@ -1,6 +1,6 @@
 //! Fixed point of the mean field, dense (over all events) or sparse (on inducing points).
 
-use super::dense::Dense;
+use super::dense::DenseEngines;
 use super::mean_field::MeanField;
 use super::options::FitOptions;
 use super::{fixed_point, sparse};
@@ -16,8 +16,19 @@ pub(crate) fn solve(
     points: Option<&Inputs>,
     options: &FitOptions<'_>,
 ) -> Result<MeanField> {
+    solve_with(&DenseEngines::default(), prior, likelihood, points, options)
+}
+
+/// Returns the fixed point as [`solve`] does, with one of the given engines if the fit is dense.
+pub(crate) fn solve_with(
+    engines: &DenseEngines,
+    prior: &Prior,
+    likelihood: &Likelihood<'_>,
+    points: Option<&Inputs>,
+    options: &FitOptions<'_>,
+) -> Result<MeanField> {
     let Some(points) = points else {
-        return fixed_point::iterate(&mut Dense::new(prior, likelihood)?, prior, likelihood, options);
+        return engines.run(prior, likelihood, |engine| fixed_point::iterate(engine, prior, likelihood, options));
     };
     sparse::solve(prior, likelihood, points, options)
 }
@@ -25,15 +36,17 @@ pub(crate) fn solve(
 /// Returns the fixed point, and the gradient of E there by all learned parameters of the prior. At the fixed point E
 /// does not change with the tilts to first order. The gradient at fixed ω is therefore the total gradient.
 pub(crate) fn solve_with_gradient(
+    engines: &DenseEngines,
     prior: &Prior,
     likelihood: &Likelihood<'_>,
     points: Option<&Inputs>,
     options: &FitOptions<'_>,
 ) -> Result<(MeanField, Vec<f64>)> {
     let Some(points) = points else {
-        let mut engine = Dense::new(prior, likelihood)?;
-        let fixed_point = fixed_point::iterate(&mut engine, prior, likelihood, options)?;
-        return Ok((fixed_point, engine.gradient(prior, likelihood)));
+        return engines.run(prior, likelihood, |engine| {
+            let fixed_point = fixed_point::iterate(engine, prior, likelihood, options)?;
+            Ok((fixed_point, engine.gradient(prior, likelihood)))
+        });
     };
     sparse::solve_with_gradient(prior, likelihood, points, options)
 }

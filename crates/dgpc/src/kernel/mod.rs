@@ -87,17 +87,24 @@ impl Kernel {
     /// # Errors
     /// [`Error::BadColumn`] if a term uses a column that the inputs do not have.
     pub fn gram(&self, inputs: &Inputs) -> Result<Matrix> {
-        self.check(inputs)?;
         let mut gram = Matrix::zeros(inputs.len(), inputs.len());
+        self.write_gram(inputs, &mut gram)?;
+        Ok(gram)
+    }
+
+    /// Writes [`Kernel::gram`] to a matrix of the same size.
+    pub(crate) fn write_gram(&self, inputs: &Inputs, gram: &mut Matrix) -> Result<()> {
+        self.check(inputs)?;
         let (pairs, mut columns) = (self.pairs(inputs, inputs), gram.split_columns());
         on_parts(columns.chunks_mut(PANEL).enumerate().collect(), |(panel, columns)| {
             let mut scratch = Scratch::default();
             for (n, column) in (panel * PANEL..).zip(columns) {
+                column[n..].fill(0.0);
                 pairs.iter().for_each(|(term, pairs)| term.add_column(pairs, (n, n), &mut column[n..], &mut scratch));
             }
         });
         gram.mirror_lower();
-        Ok(gram)
+        Ok(())
     }
 
     /// Returns the N_a×N_b matrix of covariances between `a` and `b`. O(N_a N_b d).

@@ -11,7 +11,7 @@ use super::curvature::Curvature;
 use super::options::LearnOptions;
 use super::paths::{Path, Paths, Step, Stop};
 use crate::error::{Error, Place, Result};
-use crate::fit::{FitOptions, MeanField, solve, solve_with_gradient};
+use crate::fit::{DenseEngines, FitOptions, MeanField, solve_with, solve_with_gradient};
 use crate::inputs::Inputs;
 use crate::likelihood::Likelihood;
 use crate::linalg::Matrix;
@@ -67,6 +67,7 @@ pub(super) struct Search<'a> {
     iterations_max: u64,
     tolerance: f64,
     monitor: Monitor<'a>,
+    engines: DenseEngines,
 }
 
 /// The end of a search, or the place from which it leads to the end of an earlier search.
@@ -103,6 +104,7 @@ impl<'a> Search<'a> {
             iterations_max,
             tolerance,
             monitor,
+            engines: DenseEngines::default(),
         }
     }
 
@@ -190,7 +192,7 @@ impl<'a> Search<'a> {
     /// Returns the fit and the gradient of E.
     fn gradient(&self, prior: &Prior, options: &FitOptions<'_>) -> Result<(MeanField, Vec<f64>)> {
         let options = FitOptions { monitor: self.monitor, ..*options };
-        solve_with_gradient(prior, self.likelihood, self.points, &options)
+        solve_with_gradient(&self.engines, prior, self.likelihood, self.points, &options)
     }
 
     /// Converts a gradient by all parameters to a gradient by coordinates.
@@ -232,7 +234,13 @@ impl<'a> Search<'a> {
 
     /// Returns the fit without a gradient.
     pub(super) fn fit(&self, prior: &Prior, options: &FitOptions<'_>) -> Result<MeanField> {
-        solve(prior, self.likelihood, self.points, &FitOptions { monitor: self.monitor, ..*options })
+        solve_with(
+            &self.engines,
+            prior,
+            self.likelihood,
+            self.points,
+            &FitOptions { monitor: self.monitor, ..*options },
+        )
     }
 
     /// Returns an accurate fit, whose error of E is 1e-13 nats an event.
