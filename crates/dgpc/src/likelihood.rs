@@ -40,7 +40,7 @@ impl<'a> Likelihood<'a> {
             same_size("input dimension", points.dimension(), summary.inducing_points().dimension())?;
             points.append(summary.inducing_points())?;
             // R = L⁻ᵀQ with Ĝ = QQᵀ and orthogonal columns of Q; R⁻¹η = Q⁻¹b̂ + Rᵀμ₀.
-            let mut root = summary.root(PRECISION_MIN)?;
+            let mut root = summary.root_above(PRECISION_MIN)?;
             let whitened_entry = |column| {
                 let column = root.column(column);
                 dot(column, summary.whitened_shift()) / squared_norm(column)

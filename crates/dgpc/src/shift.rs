@@ -155,7 +155,7 @@ impl MessageFactor {
             if summary.prior() != posterior.prior() {
                 return Err(Error::DifferentPriors { what: "a posterior and a summary" });
             }
-            let mut block = summary.root(0.0)?;
+            let mut block = summary.root()?;
             summary.cholesky().solve_upper_matrix(&mut block);
             for column in 0..block.columns() {
                 root.column_mut(begin + column)[begin..begin + block.rows()].copy_from_slice(block.column(column));

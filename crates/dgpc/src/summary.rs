@@ -333,8 +333,22 @@ impl Summary {
         &self.cholesky
     }
 
-    /// Returns R with Ĝ = RRᵀ, M×M, without the eigenvalues below `floor`.
-    pub(crate) fn root(&self, floor: f64) -> Result<Matrix> {
+    /// Returns R with Ĝ = RRᵀ, M×M: the Cholesky factor if Ĝ is positive definite, which takes a tenth of the time of
+    /// eigenvectors. If rounding made eigenvalues negative, they become 0.
+    ///
+    /// # Errors
+    /// As [`semidefinite_root`].
+    pub(crate) fn root(&self) -> Result<Matrix> {
+        let what = "summary precision";
+        let factor = Cholesky::new(what, self.precision.clone());
+        factor.map_or_else(|_| semidefinite_root(what, &self.precision, 0.0), |factor| Ok(factor.lower()))
+    }
+
+    /// Returns R with Ĝ = RRᵀ, M×M, with the eigenvalues below `floor` raised to `floor`.
+    ///
+    /// # Errors
+    /// As [`semidefinite_root`].
+    pub(crate) fn root_above(&self, floor: f64) -> Result<Matrix> {
         semidefinite_root("summary precision", &self.precision, floor)
     }
 }

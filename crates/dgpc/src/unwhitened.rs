@@ -41,7 +41,7 @@ impl Summary {
     /// [`crate::Error::NegativeEigenvalue`] if the precision has a clearly negative eigenvalue,
     /// [`crate::Error::NotFinite`] if numbers near the end of the floating-point range overflow.
     pub fn factor(&self) -> Result<Factor> {
-        let mut half = self.root(0.0)?;
+        let mut half = self.root()?;
         self.cholesky().solve_upper_matrix(&mut half);
         let precision = product(half.view(), half.t());
         let mut shift = self.whitened_shift().to_vec();

@@ -56,7 +56,7 @@ impl NewRows {
             if summary.prior() != prior {
                 return Err(Error::DifferentPriors { what: "a posterior and a summary" });
             }
-            let part = Part::Block { whitening: summary.cholesky().clone(), root: summary.root(0.0)? };
+            let part = Part::Block { whitening: summary.cholesky().clone(), root: summary.root()? };
             new.segments.push(Segment { first: first + new.support.len(), part });
             new.support.append(summary.inducing_points())?;
             new.shift.extend_from_slice(summary.whitened_shift());
