@@ -137,6 +137,14 @@ pub enum Error {
         /// The combined objects.
         what: &'static str,
     },
+    /// A posterior at points predicts only under extensions of its posterior.
+    #[error("a posterior of {found} rows does not extend the posterior of {rows} rows that was prepared at the points")]
+    NotAnExtension {
+        /// Rows of the prepared posterior.
+        rows: usize,
+        /// Rows of the other one.
+        found: usize,
+    },
     /// Summaries with different inducing points were added or subtracted.
     #[error("summaries can be added or subtracted only if they have the same inducing points")]
     DifferentInducingPoints,

@@ -62,7 +62,7 @@ impl Latent {
 }
 
 /// Replaces a variance that rounding made negative by 0. A NaN stays a NaN, so that later checks refuse it.
-fn clipped(variance: f64) -> f64 {
+pub(crate) fn clipped(variance: f64) -> f64 {
     if variance < 0.0 { 0.0 } else { variance }
 }
 

@@ -110,6 +110,7 @@ mod factor;
 mod summary;
 mod unwhitened;
 mod posterior;
+mod at_points;
 mod shift;
 mod contradiction;
 mod concatenation;
@@ -127,6 +128,7 @@ mod certificate;
 mod learn;
 pub mod method;
 
+pub use at_points::PosteriorAtPoints;
 pub use candidates::{Candidates, DISTINCT_SHARE, Selection};
 pub use certificate::{Certificate, log_evidence};
 pub use chain::effective_sample_size;

@@ -167,10 +167,12 @@ impl Agent {
         let planner = self.summary_planner(sender, layout)?;
         let is_delivered = |slot: u32| reports.is_delivered(slot);
         let shared = self.posteriors.shared_of(&self.memory, &is_delivered)?;
-        let divergence_after = |report: &ReportMessage| -> Result<f64, AgentError> {
+        let mut at_candidates = planner.at_candidates(&shared)?;
+        let mut divergence_after = |report: &ReportMessage| -> Result<f64, AgentError> {
             let mut new = reports.slots_in(report);
             new.retain(|&slot| !is_delivered(slot));
-            Ok(planner.mean_divergence(&self.posteriors.shared_with(&self.memory, &shared, &new)?)?)
+            let shared = self.posteriors.shared_with(&self.memory, &shared, &new)?;
+            Ok(planner.mean_divergence(&at_candidates.latent(&shared)?))
         };
         let mut least = divergence_after(&best)?;
         for candidate in candidates {

@@ -1,6 +1,6 @@
 //! Chooses the next summary packet: inducing points, and the summary at these points ([`dgpc::method::increments`]).
 
-use dgpc::{Candidates, Inputs, Posterior, Summary};
+use dgpc::{Candidates, Inputs, Latent, Posterior, PosteriorAtPoints, Summary};
 use pingmap_packet::{Block, Layout};
 
 use crate::codec::quantizer::SummaryQuantizer;
@@ -82,7 +82,8 @@ impl<'a> SummaryPlanner<'a> {
         if self.queries.is_empty() {
             return Ok(None);
         }
-        let divergences = self.divergences(shared)?;
+        let mut at_candidates = self.at_candidates(shared)?;
+        let divergences = self.divergences(&at_candidates.latent(shared)?);
         let mut order: Vec<usize> = (0..self.queries.len()).collect();
         order.sort_by(|&a, &b| divergences[b].total_cmp(&divergences[a]).then(a.cmp(&b)));
         let divergence_nats = mean(&divergences);
@@ -94,7 +95,8 @@ impl<'a> SummaryPlanner<'a> {
             let mut best: Option<PlannedSummary> = None;
             for pool in divisors.iter().map(|divisor| self.most_divergent(&order, *divisor)) {
                 let (planned, shared) = self.form_blocks(shared, &pool, selection)?;
-                let planned = PlannedSummary { divergence_nats: mean(&self.divergences(&shared)?), ..planned };
+                let divergence_nats = self.mean_divergence(&at_candidates.latent(&shared)?);
+                let planned = PlannedSummary { divergence_nats, ..planned };
                 let is_better = |best: &PlannedSummary| planned.divergence_nats < best.divergence_nats;
                 if !planned.summaries.is_empty() && best.as_ref().is_none_or(is_better) {
                     best = Some(planned);
@@ -108,10 +110,16 @@ impl<'a> SummaryPlanner<'a> {
         Ok(None)
     }
 
-    /// Returns the mean Kullback-Leibler divergence of the predictions of `shared` from those of the own posterior, in
-    /// nats. The mean is over the candidates; 0 without any.
-    pub(crate) fn mean_divergence(&self, shared: &Posterior) -> dgpc::Result<f64> {
-        Ok(mean(&self.divergences(shared)?))
+    /// Prepares predictions at the candidates under `shared` and under extensions of it.
+    pub(crate) fn at_candidates(&self, shared: &Posterior) -> dgpc::Result<PosteriorAtPoints> {
+        PosteriorAtPoints::new(shared, &self.inputs)
+    }
+
+    /// Returns the mean Kullback-Leibler divergence of the predictions of a listener from those of the own posterior,
+    /// in nats. `shared` is the listener's latent function at the candidates. The mean is over the candidates; 0
+    /// without any.
+    pub(crate) fn mean_divergence(&self, shared: &Latent) -> f64 {
+        mean(&self.divergences(shared))
     }
 
     /// Returns the candidates that come first in `order`: one in `divisor` of all, and as many more as a block has
@@ -172,12 +180,11 @@ impl<'a> SummaryPlanner<'a> {
         Ok(self.own.latent(inputs)?.variance)
     }
 
-    /// Returns the Kullback-Leibler divergence of the predictions of `shared` from those of the own posterior, at every
-    /// candidate.
-    fn divergences(&self, shared: &Posterior) -> dgpc::Result<Vec<f64>> {
-        let shared = shared.probability(&self.inputs)?;
-        let divergence = |(&p, &q): (&f64, &f64)| divergence_term(p, q) + divergence_term(1.0 - p, 1.0 - q);
-        Ok(self.own_probability.iter().zip(&shared).map(divergence).collect())
+    /// Returns the Kullback-Leibler divergence of the predictions of a listener from those of the own posterior, at
+    /// every candidate.
+    fn divergences(&self, shared: &Latent) -> Vec<f64> {
+        let divergence = |(&p, q): (&f64, f64)| divergence_term(p, q) + divergence_term(1.0 - p, 1.0 - q);
+        self.own_probability.iter().zip(shared.probability()).map(divergence).collect()
     }
 }
 

@@ -149,7 +149,7 @@ impl Cholesky {
 
     /// Replaces X by XL⁻ᵀ: solves for every row of X, for example the rows of many events. O(n² rows).
     pub(crate) fn solve_rows(&self, x: &mut Matrix) {
-        solve_rows(self.factor.view(), x.0.as_mut());
+        solve_rows(self.factor.view(), x.0.as_mut(), 0);
     }
 
     /// Replaces X by L⁻ᵀX. O(n² columns).
@@ -182,7 +182,7 @@ impl Cholesky {
 
     /// Multiplies the columns `first..first + n` of X by L⁻ᵀ from the right.
     pub(crate) fn solve_rows_in_columns(&self, x: &mut Matrix, first: usize) {
-        solve_rows(self.factor.view(), x.0.as_mut().subcols_mut(first, self.size()));
+        solve_rows(self.factor.view(), x.0.as_mut().subcols_mut(first, self.size()), 0);
     }
 
     /// Multiplies the rows `first..first + n` of X by L⁻¹ from the left.

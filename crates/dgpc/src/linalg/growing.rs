@@ -66,8 +66,14 @@ impl GrowingCholesky {
         self.0.solve_lower_matrix(x);
     }
 
-    /// Replaces X by XL⁻ᵀ: solves for every row of X. O(n² rows).
-    pub(crate) fn solve_rows(&self, x: &mut Matrix) {
-        solve_rows(self.0.factor.t(), x.0.as_mut());
+    /// Replaces x by L⁻¹x. O(n²).
+    pub(crate) fn solve_lower(&self, x: &mut [f64]) {
+        self.0.solve_lower(x);
+    }
+
+    /// Replaces X by XL⁻ᵀ: solves for every row of X. The columns before `solved` are solved already. O(nm rows) for
+    /// the other m columns.
+    pub(crate) fn solve_rows(&self, x: &mut Matrix, solved: usize) {
+        solve_rows(self.0.factor.t(), x.0.as_mut(), solved);
     }
 }

@@ -111,11 +111,16 @@ impl Matrix {
         out
     }
 
-    /// Sets the size to rows × columns. The entries are unspecified afterwards.
+    /// Sets the size to rows × columns. The entries are unspecified afterwards. Allocates only beyond the largest size
+    /// so far.
     pub(crate) fn resize(&mut self, rows: usize, columns: usize) {
-        if (self.rows(), self.columns()) != (rows, columns) {
-            *self = Self::zeros(rows, columns);
-        }
+        self.0.resize_with(rows, columns, |_, _| 0.0);
+    }
+
+    /// Appends the columns of a matrix with as many rows.
+    pub(crate) fn append_columns(&mut self, other: &Matrix) {
+        let old = self.columns();
+        self.0.resize_with(other.rows(), old + other.columns(), |row, column| other[(row, column - old)]);
     }
 
     /// Enlarges a square matrix. New entries are `entry(row, column)`. Existing entries are moved only if the storage

@@ -246,10 +246,10 @@ impl Posterior {
     fn moments_of_many(&self, inputs: &Inputs, features: &mut Matrix) -> Result<(Vec<f64>, Vec<f64>)> {
         features.resize(inputs.len(), self.len());
         self.prior.kernel().write_cross(inputs, &self.support, features)?;
-        whiten_columns(&self.segments, features);
+        whiten_columns(&self.segments, 0, features);
         let mean = features.times(&self.weights);
-        rotate_columns(&self.segments, features);
-        self.cholesky.solve_rows(features);
+        rotate_columns(&self.segments, 0, features);
+        self.cholesky.solve_rows(features, 0);
         Ok((mean, squared_norms_of_rows(features)))
     }
 
@@ -282,6 +282,33 @@ impl Posterior {
             values.for_each(|(value, (mean, about_mean))| *value = mean + about_mean);
         }
         Ok((draws, root.jitter()))
+    }
+
+    /// Returns the n points with evidence: events and inducing points.
+    pub(crate) fn support(&self) -> &Inputs {
+        &self.support
+    }
+
+    /// Returns L⁻¹RᵀTb̂, n. O(n²).
+    pub(crate) fn solved_target(&self) -> Vec<f64> {
+        let mut target = self.target.clone();
+        self.cholesky.solve_lower(&mut target);
+        target
+    }
+
+    /// Appends the m missing rows of the support to `features`, which holds (L⁻¹Rᵀt)ᵀ for the first rows, with t the
+    /// whitened covariance of an input with the support. Returns tᵀb̂ over the appended rows, one per input. O(nm) an
+    /// input.
+    pub(crate) fn append_features(&self, inputs: &Inputs, features: &mut Matrix) -> Result<Vec<f64>> {
+        let first = features.columns();
+        let mut new = self.prior.kernel().cross(inputs, &self.support.slice(first..self.len()))?;
+        let segments: Vec<Segment> = self.segments.iter().filter(|segment| segment.first >= first).cloned().collect();
+        whiten_columns(&segments, first, &mut new);
+        let shifted = new.times(&self.shift[first..]);
+        rotate_columns(&segments, first, &mut new);
+        features.append_columns(&new);
+        self.cholesky.solve_rows(features, first);
+        Ok(shifted)
     }
 
     fn joint_about_prior_mean(&self, inputs: &Inputs) -> Result<(Vec<f64>, Matrix)> {

@@ -91,20 +91,21 @@ pub(super) fn rotate(segments: &[Segment], offset: usize, matrix: &mut Matrix) {
     }
 }
 
-/// Replaces X by XWᵀ. The columns of X are the rows of the support.
-pub(super) fn whiten_columns(segments: &[Segment], matrix: &mut Matrix) {
+/// Replaces X by XWᵀ. The columns of X are the rows of the support from `offset` on.
+pub(super) fn whiten_columns(segments: &[Segment], offset: usize, matrix: &mut Matrix) {
     for Segment { first, part } in segments {
         if let Part::Block { whitening, .. } = part {
-            whitening.solve_rows_in_columns(matrix, *first);
+            whitening.solve_rows_in_columns(matrix, first - offset);
         }
     }
 }
 
 /// Replaces X by XR, with columns as in [`whiten_columns`].
-pub(super) fn rotate_columns(segments: &[Segment], matrix: &mut Matrix) {
+pub(super) fn rotate_columns(segments: &[Segment], offset: usize, matrix: &mut Matrix) {
     for Segment { first, part } in segments {
+        let first = first - offset;
         match part {
-            Part::Block { root, .. } => multiply_columns(matrix, *first, root.view()),
+            Part::Block { root, .. } => multiply_columns(matrix, first, root.view()),
             Part::Events(roots) => {
                 for (event, root) in roots.iter().enumerate() {
                     matrix.column_mut(first + event).iter_mut().for_each(|entry| *entry *= root);

@@ -35,6 +35,39 @@ proptest! {
     }
 
     #[test]
+    fn a_posterior_at_points_predicts_under_every_extension(problem in problems(6..=24), cut in any::<u8>()) {
+        let half = problem.inputs().len() / 2;
+        let sites = |range: std::ops::Range<usize>| problem.sites.select(&range.collect::<Vec<_>>());
+        let far = sites(half..problem.inputs().len());
+        let messages = [
+            Summary::marginal(&problem.prior, &far, &problem.inputs().select(&problem.spread(3))).unwrap(),
+            Summary::variational(&problem.prior, &far, &problem.elsewhere.slice(0..1)).unwrap(),
+        ];
+        let mut base = Posterior::prior_alone(&problem.prior, problem.inputs().dimension());
+        base.absorb_events(&sites(0..usize::from(cut) % (half + 1))).unwrap();
+        base.absorb_summaries(&[&messages[0]]).unwrap();
+        let (mut by_events, mut by_summary) = (base.clone(), base.clone());
+        by_events.absorb_events(&far).unwrap();
+        by_summary.absorb_summaries(&[&messages[1]]).unwrap();
+        let mut by_both = by_summary.clone();
+        by_both.absorb_events(&far).unwrap();
+        // More points than one block holds.
+        let mut points = problem.elsewhere.clone();
+        while points.len() < 150 {
+            points.append(&problem.elsewhere).unwrap();
+        }
+        let mut at_points = PosteriorAtPoints::new(&base, &points).unwrap();
+        for posterior in [&by_events, &base, &by_both, &by_summary, &base] {
+            let expected = posterior.latent(&points).unwrap();
+            assert_same_latent(&at_points.latent(posterior).unwrap(), &expected, 1e-9);
+        }
+        let mut other = Posterior::of_sites(&problem.prior, &far).unwrap();
+        other.absorb_events(&far).unwrap();
+        let is_refused = matches!(at_points.latent(&other), Err(Error::NotAnExtension { .. }));
+        prop_assert!(is_refused);
+    }
+
+    #[test]
     fn failed_absorption_changes_nothing(problem in problems(2..=10)) {
         let mut posterior = problem.full();
         let before = posterior.latent(&problem.elsewhere).unwrap();
