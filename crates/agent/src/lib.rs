@@ -39,6 +39,8 @@ pub use model::inputs::{End, InputSpec, LengthUnit};
 pub use model::learning::{LearnedModel, Learning};
 pub use model::link_model::{MODEL_SCHEMA, Model};
 pub use model::optional_terms::{OptionalTerm, OptionalTerms};
+#[cfg(feature = "learn")]
+pub use model::screening::Attempt;
 pub use model::site_prior::SitePrior;
 pub use model::structure::{CONSERVATIVE_LOSS, MeanStructure, PathInputs, Structure, Terms};
 pub use pingmap_packet::Key;

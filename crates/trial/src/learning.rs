@@ -3,81 +3,76 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
-use pingmap_agent::{Chart, Event, InputSpec, LearnedModel, Learning, OptionalTerm};
+use pingmap_agent::{Attempt, Chart, Event, InputSpec, LearnedModel, Learning, OptionalTerm};
 use rayon::prelude::*;
 
-/// A fit and its duration in seconds.
-type Timed = (LearnedModel, f64);
+/// An attempt and its duration in seconds.
+type Timed = (Attempt, f64);
 
 /// Result of learning a structure and its additions.
 pub struct Added {
     /// The structure with the accepted additions.
     pub best: LearnedModel,
-    /// All fits in the order of trial, from the structure without additions on, each with its duration in seconds.
+    /// All attempts in their order, from the structure without additions on, each with its duration in seconds.
     pub tried: Vec<Timed>,
 }
 
-/// Learns [`Learning::structure`]. Then tries [`Learning::additions`] one after the other, each starting from the
-/// optimum before, and accepts an addition if the fit improves ([`LearnedModel::improves_on`]). Idle threads already
-/// try later additions; these fits are discarded if an earlier addition is accepted. Results do not depend on the
-/// number of threads.
+/// Learns [`Learning::structure`]. Then tries [`Learning::additions`] one after the other, each in addition to those
+/// accepted before ([`Learning::try_term`]). Idle threads already try later additions; these attempts are discarded if
+/// an earlier addition is accepted. Results do not depend on the number of threads.
 ///
 /// # Errors
 /// Returns [`dgpc::Error`] for a position that is not finite, or a fixed parameter that is not finite and positive.
 pub fn learn(learning: &Learning, chart: Chart, inputs: InputSpec, events: &[&Event]) -> dgpc::Result<Added> {
     let begin = Instant::now();
-    let first = learning.fit(&learning.structure, chart, inputs, events.iter().copied(), &[], None)?;
-    let mut added = Added { best: first.clone(), tried: vec![(first, begin.elapsed().as_secs_f64())] };
+    let mut best = learning.first_attempt(chart, inputs, events, &[])?;
+    let mut tried = vec![(best.clone(), begin.elapsed().as_secs_f64())];
     let mut left = learning.additions_to(events, inputs);
     loop {
-        let structure = added.best.structure;
+        let structure = best.model.structure;
         let mut possible: Vec<OptionalTerm> =
             left.iter().copied().filter(|&addition| structure.can_have(addition)).collect();
         if possible.is_empty() {
-            added.best = learning.with_fading(added.best, events.iter().copied(), &[])?;
-            return Ok(added);
+            let best = learning.with_fading(best.model, events.iter().copied(), &[])?;
+            return Ok(Added { best, tried });
         }
         if possible.first() == Some(&OptionalTerm::Range) {
-            // This addition is accepted in most logs, so fits of the others without it would be discarded.
+            // This addition is accepted in most logs, so attempts with the others without it would be discarded.
             possible.truncate(1);
         }
-        let fit = |addition: OptionalTerm| {
+        let try_term = |addition: OptionalTerm| {
             let begin = Instant::now();
-            let structure = structure.with(addition);
-            let fit = learning.fit(&structure, chart, inputs, events.iter().copied(), &[], Some(&added.best))?;
-            Ok((fit, begin.elapsed().as_secs_f64()))
+            let attempt = learning.try_term(addition, &best, events, &[])?;
+            Ok((attempt, begin.elapsed().as_secs_f64()))
         };
-        let (mut fits, taken) = until_one_is_taken(&possible, &added.best, fit)?;
+        let mut attempts = until_one_is_accepted(&possible, try_term)?;
         // The additions after an accepted one are tried again with it.
-        let last = possible[fits.len() - 1];
+        let last = possible[attempts.len() - 1];
         left = left.into_iter().skip_while(|&addition| addition != last).skip(1).collect();
-        if let (true, Some((best, _))) = (taken, fits.last()) {
-            added.best = best.clone();
+        if let Some((accepted, _)) = attempts.last().filter(|(attempt, _)| attempt.is_accepted) {
+            best = accepted.clone();
         }
-        added.tried.append(&mut fits);
+        tried.append(&mut attempts);
     }
 }
 
-/// Fits additions in their order, up to the first that improves on `before`. Also returns whether there is one.
-fn until_one_is_taken(
+/// Tries additions in their order, up to the first that is accepted.
+fn until_one_is_accepted(
     additions: &[OptionalTerm],
-    before: &LearnedModel,
-    fit: impl Fn(OptionalTerm) -> dgpc::Result<Timed> + Sync,
-) -> dgpc::Result<(Vec<Timed>, bool)> {
+    try_term: impl Fn(OptionalTerm) -> dgpc::Result<Timed> + Sync,
+) -> dgpc::Result<Vec<Timed>> {
     // Index of the first addition that is accepted or fails. Later ones are discarded.
     let end = AtomicUsize::new(usize::MAX);
     let ahead = additions.iter().copied().enumerate().take_while(|&(place, _)| place < end.load(Ordering::Relaxed));
-    let fitted = |(place, addition)| {
-        let fit = fit(addition);
-        if fit.as_ref().map_or(true, |(fit, _)| fit.improves_on(addition, before)) {
+    let tried = |(place, addition)| {
+        let attempt = try_term(addition);
+        if attempt.as_ref().map_or(true, |(attempt, _)| attempt.is_accepted) {
             end.fetch_min(place, Ordering::Relaxed);
         }
-        (place, fit)
+        (place, attempt)
     };
-    let mut fits: Vec<_> = ahead.par_bridge().map(fitted).collect();
-    fits.sort_by_key(|&(place, _)| place);
-    let end = end.into_inner();
-    fits.truncate(end.saturating_add(1));
-    let fits = fits.into_iter().map(|(_, fit)| fit).collect::<dgpc::Result<_>>()?;
-    Ok((fits, end < additions.len()))
+    let mut attempts: Vec<_> = ahead.par_bridge().map(tried).collect();
+    attempts.sort_by_key(|&(place, _)| place);
+    attempts.truncate(end.into_inner().saturating_add(1));
+    attempts.into_iter().map(|(_, attempt)| attempt).collect()
 }

@@ -13,15 +13,6 @@ use crate::types::event::Event;
 use crate::types::interrupt::Interrupt;
 use crate::types::limits::Limits;
 
-/// Smallest gain for which a term is added, in nats per event.
-const GAIN_MIN_NATS: f64 = 0.001;
-
-/// Factor of the gain in corrected evidence that an uncommon term must exceed, relative to the leave-one-out threshold.
-const EVIDENCE_FACTOR: f64 = 2.0;
-
-/// Gain in corrected evidence that the time term must exceed, in nats.
-const TIME_EVIDENCE_MIN_NATS: f64 = 1.0;
-
 /// Smallest share of the total weight that fading must remove, or change, before the model is learned again.
 const WEIGHT_CHANGE_MIN: f64 = 0.02;
 
@@ -87,44 +78,17 @@ impl LearnedModel {
         self.learned.optimum_evidence
     }
 
+    /// Returns E at the optimum per event used, in nats.
+    pub fn evidence_per_event(&self) -> f64 {
+        self.evidence() / self.events_used.max(1) as f64
+    }
+
     /// Returns the weighted mean leave-one-out log predictive probability of the events used, in nats. Returns 0
     /// without events.
     pub fn leave_one_out(&self) -> f64 {
         let (fit, weights) = (&self.learned.fit, self.learned.fit.weights());
         let sum: f64 = fit.leave_one_out().iter().zip(weights).map(|(log, weight)| weight * log).sum();
         if weights.is_empty() { 0.0 } else { sum / weights.iter().sum::<f64>() }
-    }
-
-    /// Returns true if this model predicts better than `before` by enough to keep `addition`, the term that only this
-    /// model has.
-    ///
-    /// Both models must be fits of the same events. The mean gain of leave-one-out predictions must exceed a threshold.
-    /// The threshold is 0.001 nats per event, or one standard error of the paired gains if that is larger. For an
-    /// uncommon term the gain in corrected evidence per event must also exceed twice the threshold.
-    ///
-    /// The time term has another rule: the corrected evidence must rise by more than 1 nat in total, which is positive
-    /// evidence on the scale of Kass and Raftery (1995). Leave-one-out predictions rarely show a change with time,
-    /// because events at nearly the same time and place remain.
-    pub fn improves_on(&self, addition: OptionalTerm, before: &LearnedModel) -> bool {
-        let [after, before] = [self, before].map(|model| &model.learned.fit);
-        let pairs = after.leave_one_out().into_iter().zip(before.leave_one_out());
-        let gains: Vec<f64> = pairs.map(|(after, before)| after - before).collect();
-        // Weights below 1 of repeated events reduce the effective number of events.
-        let weighted = |value: &dyn Fn(f64) -> f64| {
-            gains.iter().zip(before.weights()).map(|(&gain, weight)| weight * value(gain)).sum::<f64>()
-        };
-        let count = weighted(&|_| 1.0);
-        if count < 2.0 {
-            return false;
-        }
-        let mean = weighted(&|gain| gain) / count;
-        let variance = weighted(&|gain| (gain - mean).powi(2)) / (count - 1.0);
-        let threshold = GAIN_MIN_NATS.max((variance / count).sqrt());
-        let evidence = after.corrected_evidence() - before.corrected_evidence();
-        if addition == OptionalTerm::Time {
-            return evidence > TIME_EVIDENCE_MIN_NATS;
-        }
-        mean > threshold && (addition.is_common() || evidence / count > EVIDENCE_FACTOR * threshold)
     }
 }
 
@@ -203,15 +167,15 @@ impl Learning {
         events: impl IntoIterator<Item = &'a Event> + Clone,
         messages: &[&Summary],
     ) -> dgpc::Result<LearnedModel> {
-        let mut best = self.fit(&self.structure, chart, inputs, events.clone(), messages, None)?;
-        for addition in self.additions_to(&events.clone().into_iter().collect::<Vec<_>>(), inputs) {
-            if best.structure.can_have(addition) {
-                let structure = best.structure.with(addition);
-                let after = self.fit(&structure, chart, inputs, events.clone(), messages, Some(&best))?;
-                best = if after.improves_on(addition, &best) { after } else { best };
+        let events: Vec<&Event> = events.into_iter().collect();
+        let mut best = self.first_attempt(chart, inputs, &events, messages)?;
+        for addition in self.additions_to(&events, inputs) {
+            if best.model.structure.can_have(addition) {
+                let after = self.try_term(addition, &best, &events, messages)?;
+                best = if after.is_accepted { after } else { best };
             }
         }
-        self.with_fading(best, events, messages)
+        self.with_fading(best.model, events, messages)
     }
 
     /// Returns the additions to try on these events. Offsets of message kinds need several kinds, and layers need

@@ -10,4 +10,6 @@ pub(crate) mod structure;
 pub(crate) mod starts;
 #[cfg(feature = "learn")]
 pub(crate) mod learning;
+#[cfg(feature = "learn")]
+pub(crate) mod screening;
 pub(crate) mod file;

@@ -9,8 +9,13 @@ const NAMES: [&str; 4] = ["ada", "bob", "eve", "joe"];
 
 /// Two hours in which all vehicles hear transmissions over less than about 500 m, except where `missed` holds.
 fn events(missed: impl Fn(&str, &str, f64) -> bool) -> Vec<Event> {
+    events_of_rounds(60, missed)
+}
+
+/// Events as in [`events`], with three receivers in each of these rounds.
+fn events_of_rounds(rounds: u32, missed: impl Fn(&str, &str, f64) -> bool) -> Vec<Event> {
     let mut events = Vec::new();
-    for n in 0..60 {
+    for n in 0..rounds {
         let time_s = 120.0 * f64::from(n);
         let place = |vehicle: usize| {
             let phase = f64::from(n) * (0.37 + 0.11 * vehicle as f64) + vehicle as f64;
@@ -79,6 +84,31 @@ fn no_offsets_are_learned_for_equal_vehicles() {
     for term in [OptionalTerm::Receivers, OptionalTerm::Transmitters, OptionalTerm::Time] {
         assert!(!has(&fit, term), "{}", fit.structure);
     }
+}
+
+#[test]
+fn screening_rejects_a_term_of_equal_vehicles_and_passes_a_true_one() {
+    let attempts = |events: &[Event]| {
+        let (learning, events) = (Learning::default(), events.iter().collect::<Vec<_>>());
+        let chart = Chart::about(events.iter().flat_map(|event| event.link.ends()));
+        let first = learning.first_attempt(chart, InputSpec::Positions, &events, &[]).unwrap();
+        let receivers = learning.try_term(OptionalTerm::Receivers, &first, &events, &[]).unwrap();
+        (first, receivers)
+    };
+    let (first, equal) = attempts(&events_of_rounds(120, |_, _, _| false));
+    assert!(first.is_accepted && !equal.is_accepted);
+    assert_eq!((first.model.events_used, first.screening_events), (360, None));
+    assert_eq!((equal.model.events_used, equal.screening_events), (180, Some(180)));
+    // The values are those of all events plus the change on some, which is small for a needless term.
+    assert!((equal.leave_one_out - first.leave_one_out).abs() < 0.01);
+    assert!((equal.evidence - first.evidence).abs() < 0.01);
+    assert!((equal.model.evidence_per_event() - first.evidence).abs() > 0.01);
+    let (_, deaf) = attempts(&events_of_rounds(120, |_, receiver, _| receiver == "joe"));
+    assert!(deaf.is_accepted);
+    assert_eq!((deaf.model.events_used, deaf.screening_events), (360, None));
+    // Short logs are not screened.
+    let (_, short) = attempts(&events_of_rounds(99, |_, _, _| false));
+    assert_eq!((short.is_accepted, short.model.events_used, short.screening_events), (false, 297, None));
 }
 
 #[test]

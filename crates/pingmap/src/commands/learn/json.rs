@@ -40,7 +40,7 @@ pub struct LearnJson<'a> {
     pub held_out_events: usize,
     /// Seed of all random numbers.
     pub seed: u64,
-    /// All candidates, that of the highest leave-one-out log predictive probability first.
+    /// All candidates, that of the highest `comparable_leave_one_out` first.
     pub candidates: Vec<CandidateJson>,
     /// Rule by which a candidate was chosen, in words.
     pub rule: &'static str,
@@ -54,6 +54,15 @@ pub struct CandidateJson {
     pub chosen: bool,
     #[serde(flatten)]
     pub model: ModelJson,
+    /// Whether the term was rejected after a search on some of the events. All values of the model are then those of
+    /// this search.
+    pub screened: bool,
+    /// Evidence in nats per event. For a screened candidate: the value before the term was tried, plus the change on
+    /// the events of the search. These values are comparable.
+    pub evidence_per_event: f64,
+    /// Mean log probability of an event given all others, in nats. For a screened candidate as
+    /// `evidence_per_event`.
+    pub comparable_leave_one_out: f64,
     /// Duration of learning in seconds.
     pub seconds: f64,
     /// Mean negative log-likelihood of the held-out events, in nats.

@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use dgpc::{PriorMean, Term, spread_out};
 use pingmap_agent::{
-    Event, Fading, InputSpec, LearnedModel, Learning, LengthUnit, Limits, Link, Model, ModelFile, Provenance, Which,
+    Attempt, Event, Fading, InputSpec, LearnedModel, Learning, LengthUnit, Limits, Link, Model, ModelFile, Provenance,
+    Which,
 };
 use pingmap_trial::{Division, EventLog, Score, learn};
 
@@ -86,12 +87,14 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     let added = learn(&learning, log.chart(), log.inputs(), &training)?;
     bar.finish_and_clear();
     let mut candidates = Vec::new();
-    for (fit, seconds) in added.tried {
-        warn_of_search(&fit);
-        let held_out_nll = held_out_nll(&fit.model, &training, &held_out, limits)?;
-        candidates.push(Candidate { fit, seconds, held_out_nll });
+    for (attempt, seconds) in added.tried {
+        if attempt.screening_events.is_none() {
+            warn_of_search(&attempt.model);
+        }
+        let held_out_nll = held_out_nll(&attempt.model.model, &training, &held_out, limits)?;
+        candidates.push(Candidate { attempt, seconds, held_out_nll });
     }
-    let merit = |candidate: &Candidate| candidate.fit.leave_one_out();
+    let merit = |candidate: &Candidate| candidate.attempt.leave_one_out;
     candidates.sort_by(|a, b| merit(b).total_cmp(&merit(a)));
 
     // The final model is learned from all events, including the held-out ones.
@@ -109,7 +112,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
         print_json(
             results,
             &LearnJson {
-                schema: 2,
+                schema: 3,
                 digests,
                 file: &options.output,
                 events: log.events.len(),
@@ -185,7 +188,7 @@ fn learn_again(learning: &Learning, chosen: &LearnedModel, log: &EventLog) -> an
 
 /// A learned structure with its duration and score.
 struct Candidate {
-    fit: LearnedModel,
+    attempt: Attempt,
     seconds: f64,
     held_out_nll: Option<f64>,
 }
@@ -193,29 +196,33 @@ struct Candidate {
 impl Candidate {
     /// Returns true if the model has the structure of this candidate.
     fn is_chosen(&self, model: &LearnedModel) -> bool {
-        self.fit.structure == model.structure
+        self.attempt.model.structure == model.structure
     }
 
     fn row(&self, model: &LearnedModel) -> Vec<String> {
-        let per_event = self.fit.evidence() / self.fit.events_used.max(1) as f64;
-        let [kernel, inputs, direction, terms, mean] = self.fit.structure.parts();
+        let [kernel, inputs, direction, terms, mean] = self.attempt.model.structure.parts();
         let first_word = |text: &str| text.split(' ').next().unwrap_or_default().to_owned();
         let kernel = if self.is_chosen(model) { format!("{kernel} *") } else { kernel };
         let mut row = vec![kernel, first_word(&inputs), direction, terms, first_word(&mean)];
-        row.extend([format!("{per_event:.4}"), format!("{:.4}", self.fit.leave_one_out())]);
+        let about = if self.attempt.screening_events.is_some() { "~" } else { "" };
+        row.extend([self.attempt.evidence, self.attempt.leave_one_out].map(|value| format!("{about}{value:.4}")));
         row.extend(self.held_out_nll.map(|nll| format!("{nll:.4}")));
         row
     }
 
     fn json(&self, model: &LearnedModel) -> CandidateJson {
+        let Attempt { model: fit, evidence, leave_one_out, screening_events, .. } = &self.attempt;
         CandidateJson {
             chosen: self.is_chosen(model),
-            model: ModelJson::of(&self.fit),
+            model: ModelJson::of(fit),
+            evidence_per_event: *evidence,
+            comparable_leave_one_out: *leave_one_out,
+            screened: screening_events.is_some(),
             seconds: self.seconds,
             held_out_nll: self.held_out_nll,
-            evaluations: self.fit.learned.evaluations,
-            stop: stop_words(&self.fit.learned.stop),
-            variance_factor: self.fit.learned.calibration.factor(),
+            evaluations: fit.learned.evaluations,
+            stop: stop_words(&fit.learned.stop),
+            variance_factor: fit.learned.calibration.factor(),
         }
     }
 }
@@ -251,7 +258,10 @@ const RULE: &str = "\
 The program tries each term in turn. The threshold is 0.001 nats an event, or one standard error of the gain in LOO if \
 that is larger. Range and receiver's place are kept if LOO rises by more than the threshold. Other terms must also \
 raise the corrected evidence an event by more than twice the threshold. The time term is kept if the corrected \
-evidence over all events rises by more than 1 nat; LOO does not count. The corrected evidence is not in the table.";
+evidence over all events rises by more than 1 nat; LOO does not count. The corrected evidence is not in the table. In \
+logs of 300 events or more, the program tries each term but range on half of the events first, and on at most 500. It \
+rejects a term if gains one standard error higher would miss the thresholds there, or if the evidence for a time term \
+does not rise. ~ marks its row: the change on these events is added to the values of the model before.";
 
 fn text(candidates: &[Candidate], best: &LearnedModel, held_out: bool) -> String {
     let mut header = vec!["kernel", "inputs", "direction", "terms", "mean", "E", "LOO"];
