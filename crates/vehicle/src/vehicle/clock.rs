@@ -28,9 +28,10 @@ impl Vehicle {
         if (0.0..=gap_s).contains(&lead_s) && !self.is_starting {
             self.after_gap = None;
             self.set_clock(time_s);
+            self.copy_agent(time_s);
             return Ok(true);
         }
-        let former = self.after_gap.replace(AfterGap { time_s, nav: None });
+        let former = self.after_gap.replace(AfterGap { time_s, nav: None, agent: self.agent.clone() });
         let before_s = if self.is_starting { None } else { clock_s };
         let before_s = before_s.or(former.as_ref().map(|first| first.time_s));
         if let Some(first) = former.filter(|first| (0.0..=LEAD_S_MAX).contains(&(time_s - first.time_s))) {
@@ -39,11 +40,10 @@ impl Vehicle {
             if is_confirmed {
                 self.after_gap = None;
                 self.set_clock(time_s);
+                // The agent may have data from between the two reports.
+                self.transmission_slot(time_s).into_iter().for_each(|slot| self.copies.skip(slot));
             }
             return Ok(is_confirmed);
-        }
-        if self.is_starting {
-            self.copies.start(&self.agent);
         }
         let is_behind = lead_s < 0.0 && !self.is_starting;
         if is_behind || before_s.is_some_and(|before_s| time_s - before_s > LEAD_S_MAX) {
@@ -81,6 +81,9 @@ impl Vehicle {
         self.is_starting = false;
         self.change_ledger(LedgerRecord::Deaf { from_s, to_s: first.time_s, reason: reason.into() });
         self.set_clock(first.time_s);
+        if let Some(slot) = self.transmission_slot(first.time_s) {
+            self.copies.add(slot, &first.agent);
+        }
         if let Some((nav, position)) = &first.nav
             && let Err(fault) = self.apply_nav(nav, *position)
         {
@@ -90,17 +93,20 @@ impl Vehicle {
 
     fn set_clock(&mut self, time_s: f64) {
         self.ledger.apply(&LedgerRecord::Handled { time_s });
-        self.copy_agent(time_s);
+    }
+
+    /// Returns the slot of a transmission at a time, unless it was counted already.
+    fn transmission_slot(&self, time_s: f64) -> Option<u32> {
+        let slots = &self.agent.team().slots;
+        let present = slots.number(time_s).and_then(|slot| slots.transmission_slot(slot));
+        present.filter(|&slot| !self.ledger.is_settled(slot))
     }
 
     /// Stores a copy of the agent if an input is the first one of its slot. A reception far after the clock does not
     /// count.
     pub(crate) fn copy_agent(&mut self, time_s: f64) {
         let is_near = self.ledger.clock_s().is_some_and(|clock_s| time_s - clock_s <= self.config.clock.gap_s);
-        let slots = &self.agent.team().slots;
-        let present = slots.number(time_s).and_then(|slot| slots.transmission_slot(slot));
-        if let Some(slot) = present.filter(|&slot| is_near && !self.is_starting && !self.ledger.is_settled(slot)) {
-            self.copies.add(slot, &self.agent);
-        }
+        let slot = self.transmission_slot(time_s).filter(|_| is_near && !self.is_starting);
+        slot.into_iter().for_each(|slot| self.copies.add(slot, &self.agent));
     }
 }

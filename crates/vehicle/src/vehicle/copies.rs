@@ -7,9 +7,8 @@ use pingmap_agent::{Agent, AgentError, Entry};
 /// Maximum number of stored copies. Slots after the last copy are predicted by it.
 const COPIES_MAX: usize = 8;
 
-/// Copies of the agent by slot. The copy of a slot holds the data from before the first input of that slot.
-///
-/// Heard and missed slots therefore use the same data.
+/// Copies of the agent by slot. The copy of a slot holds the data from before the first input of that slot or of a
+/// later one. Heard and missed slots therefore use the same data.
 #[derive(Default)]
 pub(crate) struct Copies {
     by_slot: BTreeMap<u32, Agent>,
@@ -18,21 +17,23 @@ pub(crate) struct Copies {
 }
 
 impl Copies {
-    /// Stores a copy of the agent before an input in a slot, if it is the first one since that slot began. A copy
-    /// costs O(n²) for n events.
+    /// Stores a copy of the agent before an input in a slot, if it is the first one since that slot began. The copy
+    /// also serves the slots without input before it, because the agent has not changed since. A copy costs O(n²) for
+    /// n events.
     pub(crate) fn add(&mut self, slot: u32, agent: &Agent) {
         if slot < self.next {
             return;
         }
-        self.next = slot + 1;
+        let first = if self.next == 0 { slot } else { self.next };
         if self.by_slot.len() < COPIES_MAX {
-            self.by_slot.insert(slot, agent.clone());
+            self.by_slot.insert(first, agent.clone());
         }
+        self.next = slot + 1;
     }
 
-    /// Stores the agent at the start of the process, for slots that have begun before it.
-    pub(crate) fn start(&mut self, agent: &Agent) {
-        self.by_slot.entry(0).or_insert_with(|| agent.clone());
+    /// Stores no copy for slots up to this one. The last copy before them predicts them.
+    pub(crate) fn skip(&mut self, slot: u32) {
+        self.next = self.next.max(slot + 1);
     }
 
     /// Returns the copy that predicts a slot: its own one, or the last one before it.

@@ -135,7 +135,8 @@ impl Vehicle {
 
     /// Applies a message after its checks. Returns whether it has sent an answer.
     fn apply_input(&mut self, input: Input) -> Result<bool, Fault> {
-        if let Input::Heard(Heard { time, .. })
+        if let Input::Peer(Peer { time, source: PeerSource::Message, .. })
+        | Input::Heard(Heard { time, .. })
         | Input::Nmea(Nmea { time, .. })
         | Input::FrameIn(FrameIn { time, .. })
         | Input::PiggybackIn(PiggybackIn { time, .. }) = &input

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use pingmap_agent::{Position, Slots};
+use pingmap_agent::{Agent, Position, Slots};
 use serde::{Deserialize, Serialize};
 
 use crate::protocol::input::Nav;
@@ -54,6 +54,8 @@ pub(crate) struct AfterGap {
     pub(crate) time_s: f64,
     /// Navigation, and its position on the chart. `None` for other reports.
     pub(crate) nav: Option<(Nav, Position)>,
+    /// The agent before this report.
+    pub(crate) agent: Agent,
 }
 
 /// How a slot of another member counts.

@@ -3,8 +3,8 @@
 use pingmap_agent::{Entry, Position, VehicleId};
 use pingmap_packet::OutcomeBitmap;
 use pingmap_vehicle::{
-    Departed, FaultCode, FrameIn, FrameLink, FrameRequest, Heard, Hex, Input, LearnedEvent, Listening, Message, Nav,
-    Nmea, PeerSource, PiggybackIn, Token,
+    At, Departed, FaultCode, FrameIn, FrameLink, FrameRequest, Heard, Hex, Input, LearnedEvent, Listening, Message,
+    Nav, Nmea, PeerSource, PiggybackIn, Token,
 };
 
 use crate::host::*;
@@ -163,6 +163,68 @@ fn a_prediction_uses_the_data_that_arrived_before_its_slot() {
     assert!(none == 0 && early > 0 && late > 0, "{early} {late}");
     assert_ne!(without, before);
     assert_eq!(without, within);
+}
+
+#[test]
+fn a_prediction_after_a_gap_uses_no_data_that_arrived_in_its_slot() {
+    let bits = OutcomeBitmap { slot_mod: 18, outcomes: vec![true; 10] }.encode();
+    // The first report comes before the slot, or at its begin.
+    for first_s in [408.0, 410.0] {
+        let predicted = |receives_bits: bool| {
+            let mut host = Host::new("");
+            host.cycles(|_| true, |_, _, _| {});
+            host.nav(first_s);
+            host.peer(first_s, PeerSource::Other);
+            if receives_bits {
+                let (from, bits, n_bits) = (VehicleId::new("bob"), format!("{bits:x}"), 16);
+                host.send(Input::PiggybackIn(PiggybackIn { time: 411.0, from, bits, n_bits }));
+            }
+            for time_s in [413.0, 418.0, 425.0, 440.0] {
+                host.nav(time_s);
+                host.peer(time_s, PeerSource::Other);
+            }
+            let event = host.events.iter().find(|event| event.time == 410.0).unwrap();
+            (event.heard, event.probability.unwrap(), host.status().located_events)
+        };
+        let ((missed, without, none), (heard, with, some)) = (predicted(false), predicted(true));
+        assert!(!missed && heard && none == 0 && some > 0, "{some}");
+        assert_eq!(without, with);
+    }
+}
+
+#[test]
+fn a_prediction_of_a_slot_without_navigation_uses_all_data_from_before_it() {
+    let bits = OutcomeBitmap { slot_mod: 16, outcomes: vec![true; 9] }.encode();
+    let predicted = |has_bits: bool, is_heard: bool| {
+        let mut host = Host::new("");
+        for second in 0..230 {
+            let time_s = f64::from(second);
+            // No navigation in the slots at 180 and 190 seconds.
+            if second % 5 == 1 && !(180..200).contains(&second) {
+                host.nav(time_s);
+            }
+            if second % 5 == 1 {
+                host.peer(time_s, PeerSource::Other);
+            }
+            if second % 20 == 1 && second < 200 {
+                host.send(Input::Sent(At { time: time_s, kind: None }));
+            }
+            if second == 175 && has_bits {
+                let (from, bits, n_bits) = (VehicleId::new("bob"), format!("{bits:x}"), 16);
+                host.send(Input::PiggybackIn(PiggybackIn { time: time_s, from, bits, n_bits }));
+            }
+            if second == 193 && is_heard {
+                host.hear(time_s);
+            }
+        }
+        let event = host.events.iter().find(|event| event.time == 190.0).unwrap();
+        assert_eq!(event.heard, is_heard);
+        event.probability.unwrap()
+    };
+    let [[missed, heard], [with_missed, with_heard]] =
+        [false, true].map(|has_bits| [false, true].map(|is_heard| predicted(has_bits, is_heard)));
+    assert_eq!((missed, with_missed), (heard, with_heard));
+    assert_ne!(missed, with_missed);
 }
 
 #[test]
