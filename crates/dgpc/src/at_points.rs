@@ -17,9 +17,8 @@ const POINTS: usize = 128;
 /// It predicts there under the posterior and under any extension of it, for example by each of several reports. For m
 /// additional rows a prediction takes O(nm) a point instead of O(n²).
 #[derive(Debug)]
-pub struct PosteriorAtPoints {
-    /// The rows of the posterior, n.
-    support: Inputs,
+pub struct PosteriorAtPoints<'p> {
+    posterior: &'p Posterior,
     blocks: Vec<Block>,
 }
 
@@ -37,19 +36,19 @@ struct Block {
     variance: Vec<f64>,
 }
 
-impl PosteriorAtPoints {
+impl<'p> PosteriorAtPoints<'p> {
     /// Prepares predictions at `inputs`. O(n²) time and O(n) memory a point.
     ///
     /// # Errors
     /// As [`Posterior::latent`].
-    pub fn new(posterior: &Posterior, inputs: &Inputs) -> Result<Self> {
+    pub fn new(posterior: &'p Posterior, inputs: &Inputs) -> Result<Self> {
         let block = |range: Range<usize>| {
             let mut block = Block::before_evidence(posterior, inputs.slice(range))?;
             block.extend(posterior)?;
             Ok(block)
         };
         let blocks = on_parts(stretches(0..inputs.len(), POINTS).collect(), block);
-        Ok(Self { support: posterior.support().clone(), blocks: blocks.into_iter().collect::<Result<_>>()? })
+        Ok(Self { posterior, blocks: blocks.into_iter().collect::<Result<_>>()? })
     }
 
     /// Returns mean and variance of the latent function at the points under `posterior`: the posterior of
@@ -59,9 +58,8 @@ impl PosteriorAtPoints {
     /// # Errors
     /// [`Error::NotAnExtension`] for any other posterior, and as [`Posterior::latent`].
     pub fn latent(&mut self, posterior: &Posterior) -> Result<Latent> {
-        let rows = self.support.len();
-        if posterior.len() < rows || posterior.support().slice(0..rows) != self.support {
-            return Err(Error::NotAnExtension { rows, found: posterior.len() });
+        if !posterior.extends(self.posterior) {
+            return Err(Error::NotAnExtension { rows: self.posterior.len(), found: posterior.len() });
         }
         let target = posterior.solved_target();
         let blocks = self.blocks.iter_mut().collect();
@@ -103,7 +101,7 @@ impl Block {
         let (rows, shifted, variance) = (self.features.columns(), self.shifted.clone(), self.variance.clone());
         let extended = self.extend(posterior);
         let correction = extended.map(|()| self.features.times(target));
-        self.features.resize(self.inputs.len(), rows);
+        self.features.truncate_columns(rows);
         let shifted = std::mem::replace(&mut self.shifted, shifted);
         let variance = std::mem::replace(&mut self.variance, variance);
         let about_prior_mean = shifted.iter().zip(correction?).map(|(shifted, correction)| shifted - correction);

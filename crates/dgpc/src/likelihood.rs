@@ -92,7 +92,7 @@ impl<'a> Likelihood<'a> {
         Ok(values)
     }
 
-    /// Returns the prior covariance of all observations, n×n.
+    /// Writes the prior covariance of all observations to an n×n matrix.
     pub(crate) fn write_gram(&self, kernel: &Kernel, gram: &mut Matrix) -> Result<()> {
         if !self.has_messages() {
             return kernel.write_gram(&self.support, gram);
@@ -135,7 +135,7 @@ impl<'a> Likelihood<'a> {
     }
 
     /// Returns the gradient by the kernel's parameters, from the lower triangle of the derivative by
-    /// [`Likelihood::gram`]. Overwrites `weights` with the derivative by the gram matrix of the events and the
+    /// [`Likelihood::write_gram`]. Overwrites `weights` with the derivative by the gram matrix of the events and the
     /// messages' points.
     pub(crate) fn gram_gradient(&self, kernel: &Kernel, weights: &mut Matrix) -> Vec<f64> {
         if self.has_messages() {

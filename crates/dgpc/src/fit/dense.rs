@@ -16,7 +16,7 @@ const INFORMATIVE: f64 = 1e-4;
 
 /// K and the factors of B = I + Ω^½KΩ^½. All entries are in the order of [`Likelihood`].
 ///
-/// The matrices keep their storage from one prior to the next.
+/// Without messages, the matrices keep their storage from one prior to the next.
 pub(crate) struct Dense {
     gram: Matrix,
     cholesky: Cholesky,
@@ -43,7 +43,8 @@ impl Dense {
         Ok(engine)
     }
 
-    /// Prepares passes under another prior. Allocates only if the number of observations changed.
+    /// Prepares passes under another prior. Without messages, it allocates only if the number of
+    /// observations changed.
     fn prepare(&mut self, prior: &Prior, likelihood: &Likelihood<'_>) -> Result<()> {
         let size = likelihood.len();
         if self.roots.len() != size {
@@ -130,5 +131,38 @@ impl DenseEngines {
         let result = engine.prepare(prior, likelihood).and_then(|()| fit(&mut engine));
         idle().push(engine);
         result
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::fixed_point::iterate;
+    use crate::inputs::Inputs;
+    use crate::kernel::{Kernel, Shape, Term};
+    use crate::observations::Observations;
+    use crate::prior_mean::PriorMean;
+
+    #[test]
+    fn an_engine_that_was_used_before_gives_equal_results_to_the_bit() -> Result<()> {
+        let prior = |variance: f64| {
+            let kernel = Kernel::new(vec![Term::isotropic(Shape::Matern52, variance, 1.0, 1)?])?;
+            Prior::new(kernel, PriorMean::Constant(0.3))
+        };
+        let inputs = Inputs::new((0..40).map(|n| f64::from(n) * 0.2).collect(), 1)?;
+        let outcomes = inputs.rows().map(|x| x[0].sin() > 0.2).collect();
+        let events = Observations::new(inputs, outcomes)?;
+        let likelihood = Likelihood::new(&events, &[])?;
+        let result = |engines: &DenseEngines, prior: &Prior| {
+            engines.run(prior, &likelihood, |engine| {
+                let fit = iterate(engine, prior, &likelihood, &Default::default())?;
+                Ok((fit.evidence.to_bits(), fit.mean, engine.gradient(prior, &likelihood)))
+            })
+        };
+        let used = DenseEngines::default();
+        result(&used, &prior(9.0)?)?;
+        assert!(result(&used, &prior(1e308)?).is_err());
+        assert_eq!(result(&used, &prior(2.0)?)?, result(&DenseEngines::default(), &prior(2.0)?)?);
+        Ok(())
     }
 }

@@ -56,6 +56,11 @@ impl GrowingCholesky {
         });
     }
 
+    /// Returns the diagonal of L.
+    pub(crate) fn diagonal(&self) -> Vec<f64> {
+        self.0.factor.diagonal()
+    }
+
     /// Replaces x by A⁻¹x. O(n²).
     pub(crate) fn solve(&self, x: &mut [f64]) {
         self.0.solve(x);

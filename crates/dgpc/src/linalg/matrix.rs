@@ -111,10 +111,15 @@ impl Matrix {
         out
     }
 
-    /// Sets the size to rows × columns. The entries are unspecified afterwards. Allocates only beyond the largest size
-    /// so far.
+    /// Sets the size to rows × columns. The entries are unspecified afterwards. Allocates only if the rows or the
+    /// columns exceed the capacity.
     pub(crate) fn resize(&mut self, rows: usize, columns: usize) {
         self.0.resize_with(rows, columns, |_, _| 0.0);
+    }
+
+    /// Keeps the first columns.
+    pub(crate) fn truncate_columns(&mut self, columns: usize) {
+        self.0.truncate(self.rows(), columns);
     }
 
     /// Appends the columns of a matrix with as many rows.

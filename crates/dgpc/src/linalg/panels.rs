@@ -22,13 +22,13 @@ const STRETCH: usize = 256;
 /// enough.
 pub(super) const PANELS_MAX: usize = 256;
 
-/// Replaces X by XL⁻ᵀ: solves for every row of X. The columns of X must be contiguous. The columns before `solved` are
-/// solved already. O(n² rows).
+/// Replaces X by XL⁻ᵀ: solves for every row of X. The columns of X must be contiguous. The columns before
+/// `first_unsolved` are solved already. O(nm rows) for the other m columns.
 ///
 /// If L has more than 200 rows, it should be a transposed view, so that each row is contiguous in memory.
-pub(super) fn solve_rows(lower: MatRef<'_, f64>, mut x: MatMut<'_, f64>, solved: usize) {
+pub(super) fn solve_rows(lower: MatRef<'_, f64>, mut x: MatMut<'_, f64>, first_unsolved: usize) {
     let size = lower.nrows();
-    for first in (solved..size).step_by(STRETCH) {
+    for first in (first_unsolved..size).step_by(STRETCH) {
         let end = size.min(first + STRETCH);
         let (solved, mut stretch) = x.as_mut().subcols_mut(0, end).split_at_col_mut(first);
         take_off(solved, lower.submatrix(first, 0, end - first, first), stretch.as_mut());
@@ -156,9 +156,12 @@ mod tests {
                 let x = Mat::from_fn(rows, size, entry);
                 let mut expected = x.transpose().to_owned();
                 solve_lower_triangular_in_place(lower.as_ref(), expected.as_mut(), Par::Seq);
-                for lower in [lower.as_ref(), by_rows.transpose()] {
-                    let mut solved = x.clone();
-                    solve_rows(lower, solved.as_mut(), 0);
+                let unsolved = [0, 3, 8, 257].into_iter().filter(|&first| first <= size);
+                for (first, lower) in unsolved.flat_map(|first| [(first, lower.as_ref()), (first, by_rows.transpose())])
+                {
+                    let mut solved =
+                        Mat::from_fn(rows, size, |i, j| if j < first { expected[(j, i)] } else { x[(i, j)] });
+                    solve_rows(lower, solved.as_mut(), first);
                     let far = |(i, j): (usize, usize)| (solved[(i, j)] - expected[(j, i)]).abs();
                     let worst = (0..rows).flat_map(|i| (0..size).map(move |j| (i, j))).map(far).fold(0.0, f64::max);
                     assert!(worst < 1e-11, "{rows} rows of {size}: {worst}");

@@ -284,9 +284,14 @@ impl Posterior {
         Ok((draws, root.jitter()))
     }
 
-    /// Returns the n points with evidence: events and inducing points.
-    pub(crate) fn support(&self) -> &Inputs {
-        &self.support
+    /// Returns whether this posterior is `base` with more evidence, or equal to it. O(n).
+    pub(crate) fn extends(&self, base: &Posterior) -> bool {
+        let rows = base.len();
+        self.prior == base.prior
+            && self.len() >= rows
+            && self.shift[..rows] == base.shift
+            && self.support.slice(0..rows) == base.support
+            && self.cholesky.diagonal()[..rows] == base.cholesky.diagonal()
     }
 
     /// Returns L⁻¹RᵀTb̂, n. O(n²).
@@ -298,14 +303,14 @@ impl Posterior {
 
     /// Appends the m missing rows of the support to `features`, which holds (L⁻¹Rᵀt)ᵀ for the first rows, with t the
     /// whitened covariance of an input with the support. Returns tᵀb̂ over the appended rows, one per input. O(nm) an
-    /// input.
+    /// input. The features must end between two absorptions.
     pub(crate) fn append_features(&self, inputs: &Inputs, features: &mut Matrix) -> Result<Vec<f64>> {
         let first = features.columns();
         let mut new = self.prior.kernel().cross(inputs, &self.support.slice(first..self.len()))?;
-        let segments: Vec<Segment> = self.segments.iter().filter(|segment| segment.first >= first).cloned().collect();
-        whiten_columns(&segments, first, &mut new);
+        let segments = &self.segments[self.segments.partition_point(|segment| segment.first < first)..];
+        whiten_columns(segments, first, &mut new);
         let shifted = new.times(&self.shift[first..]);
-        rotate_columns(&segments, first, &mut new);
+        rotate_columns(segments, first, &mut new);
         features.append_columns(&new);
         self.cholesky.solve_rows(features, first);
         Ok(shifted)

@@ -61,8 +61,11 @@ proptest! {
             let expected = posterior.latent(&points).unwrap();
             assert_same_latent(&at_points.latent(posterior).unwrap(), &expected, 1e-9);
         }
-        let mut other = Posterior::of_sites(&problem.prior, &far).unwrap();
-        other.absorb_events(&far).unwrap();
+        // Another posterior over the same points is no extension.
+        let mut other = Posterior::prior_alone(&problem.prior, problem.inputs().dimension());
+        other.absorb_events(&sites(0..usize::from(cut) % (half + 1))).unwrap();
+        other.absorb_summaries(&[&Summary::empty(&problem.prior, messages[0].inducing_points()).unwrap()]).unwrap();
+        prop_assert_eq!(other.len(), base.len());
         let is_refused = matches!(at_points.latent(&other), Err(Error::NotAnExtension { .. }));
         prop_assert!(is_refused);
     }
