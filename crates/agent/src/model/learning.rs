@@ -164,7 +164,7 @@ impl Learning {
         &self,
         chart: Chart,
         inputs: InputSpec,
-        events: impl IntoIterator<Item = &'a Event> + Clone,
+        events: impl IntoIterator<Item = &'a Event>,
         messages: &[&Summary],
     ) -> dgpc::Result<LearnedModel> {
         let events: Vec<&Event> = events.into_iter().collect();

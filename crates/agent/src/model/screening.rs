@@ -12,7 +12,8 @@ use crate::types::event::Event;
 /// Maximum number of events in a screening.
 const EVENTS_MAX: usize = 500;
 
-/// Minimum number of events in a screening. A search on all events of a shorter log takes about a second.
+/// Minimum number of events in a screening. Logs with fewer than twice as many are not screened, because a search on
+/// all of their events takes about a second.
 const EVENTS_MIN: usize = 150;
 
 /// Smallest gain for which a term is added, in nats per event.
@@ -21,16 +22,19 @@ const GAIN_MIN_NATS: f64 = 0.001;
 /// Factor of the gain in corrected evidence that an uncommon term must exceed, relative to the leave-one-out threshold.
 const EVIDENCE_FACTOR: f64 = 2.0;
 
-/// Gain in corrected evidence that the time term must exceed, in nats: after a search on all events, and in a
-/// screening. Fewer events show less of a change with time.
-const TIME_EVIDENCE_MIN_NATS: [f64; 2] = [1.0, 0.0];
+/// Gain in corrected evidence that the time term must exceed, in nats.
+const TIME_EVIDENCE_MIN_NATS: f64 = 1.0;
+
+/// Gain in corrected evidence that the time term must exceed in a screening, in nats. Fewer events show less of a
+/// change with time.
+const SCREENING_TIME_EVIDENCE_MIN_NATS: f64 = 0.0;
 
 /// Number of standard errors by which the gains of a screening are raised before they are compared with the thresholds.
 const SCREENING_ERRORS: f64 = 1.0;
 
 /// The change by one more term, over the same events.
 struct Comparison {
-    /// Number of events, each with its weight. Weights below 1 of repeated events reduce it.
+    /// Sum of the weights of the events. Weights below 1 of repeated events reduce it.
     count: f64,
     /// Mean gain of leave-one-out predictions, in nats per event.
     gain: f64,
@@ -56,14 +60,19 @@ impl Comparison {
 
     /// Returns whether a term is accepted after a search on all events: see [`LearnedModel::improves_on`].
     fn accepts(&self, term: OptionalTerm) -> bool {
-        self.passes(term, GAIN_MIN_NATS.max(self.error), 0.0, TIME_EVIDENCE_MIN_NATS[0])
+        self.passes(term, GAIN_MIN_NATS.max(self.error), 0.0, TIME_EVIDENCE_MIN_NATS)
     }
 
-    /// Returns whether a term could be accepted after a search on `events` events: whether gains that are one
-    /// standard error higher would suffice.
-    fn promises(&self, term: OptionalTerm, events: usize) -> bool {
-        let error_on_all = self.error * (self.count / events as f64).sqrt();
-        self.passes(term, GAIN_MIN_NATS.max(error_on_all), SCREENING_ERRORS * self.error, TIME_EVIDENCE_MIN_NATS[1])
+    /// Returns whether a term could be accepted after a search on events of this total weight: whether gains that are
+    /// one standard error higher would suffice.
+    fn promises(&self, term: OptionalTerm, weight: f64) -> bool {
+        let error_on_all = self.error * (self.count / weight).sqrt();
+        self.passes(
+            term,
+            GAIN_MIN_NATS.max(error_on_all),
+            SCREENING_ERRORS * self.error,
+            SCREENING_TIME_EVIDENCE_MIN_NATS,
+        )
     }
 
     /// Returns whether the gains in nats per event, raised by `margin`, exceed their thresholds. `threshold` is that of
@@ -172,7 +181,8 @@ impl Learning {
         let mut screened = None;
         if let Some(screened_before) = before.screened.as_ref().filter(|_| term != OptionalTerm::Range) {
             let after = fit(&self.of_screening(events_used), screened_before)?;
-            if !Comparison::of(&after, screened_before).promises(term, events_used) {
+            if !Comparison::of(&after, screened_before).promises(term, before.model.learned.fit.weights().iter().sum())
+            {
                 return Ok(Attempt::on_some(after, before, screened_before));
             }
             screened = Some(after);

@@ -111,7 +111,7 @@ impl<'a> SummaryPlanner<'a> {
     }
 
     /// Prepares predictions at the candidates under `shared` and under extensions of it.
-    pub(crate) fn at_candidates(&self, shared: &Posterior) -> dgpc::Result<PosteriorAtPoints> {
+    pub(crate) fn at_candidates<'p>(&self, shared: &'p Posterior) -> dgpc::Result<PosteriorAtPoints<'p>> {
         PosteriorAtPoints::new(shared, &self.inputs)
     }
 

@@ -261,7 +261,8 @@ raise the corrected evidence an event by more than twice the threshold. The time
 evidence over all events rises by more than 1 nat; LOO does not count. The corrected evidence is not in the table. In \
 logs of 300 events or more, the program tries each term but range on half of the events first, and on at most 500. It \
 rejects a term if gains one standard error higher would miss the thresholds there, or if the evidence for a time term \
-does not rise. ~ marks its row: the change on these events is added to the values of the model before.";
+does not rise. ~ marks its row: the change on these events is added to E and LOO of the model before, and NLL is that of the model \
+learned from these events.";
 
 fn text(candidates: &[Candidate], best: &LearnedModel, held_out: bool) -> String {
     let mut header = vec!["kernel", "inputs", "direction", "terms", "mean", "E", "LOO"];
