@@ -159,10 +159,10 @@ impl Learning {
     /// Learns the structure of an accepted attempt with one more term, and decides about the term
     /// ([`LearnedModel::improves_on`]).
     ///
-    /// Every term but the loss over the range is learned from half of the events first, and from at most 500. If the
-    /// gains would not suffice there even if they were one standard error higher, the term is rejected at the cost of
-    /// this short search. Otherwise it is learned from all events. The loss over the range is not screened: it has a
-    /// small gain in many logs, which half of the events often do not show.
+    /// An uncommon term is learned from half of the events first, and from at most 500. If the gains would not suffice
+    /// there even if they were one standard error higher, the term is rejected at the cost of this short search.
+    /// Otherwise it is learned from all events. Common terms ([`OptionalTerm::is_common`]) are not screened: they have
+    /// small gains in many logs, which half of the events often do not show.
     ///
     /// # Errors
     /// As [`Learning::fit`].
@@ -179,7 +179,7 @@ impl Learning {
             learning.fit(&structure, chart, inputs, events.iter().copied(), messages, Some(earlier))
         };
         let mut screened = None;
-        if let Some(screened_before) = before.screened.as_ref().filter(|_| term != OptionalTerm::Range) {
+        if let Some(screened_before) = before.screened.as_ref().filter(|_| !term.is_common()) {
             let after = fit(&self.of_screening(events_used), screened_before)?;
             if !Comparison::of(&after, screened_before).promises(term, before.model.learned.fit.weights().iter().sum())
             {

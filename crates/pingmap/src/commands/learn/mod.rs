@@ -259,10 +259,10 @@ The program tries each term in turn. The threshold is 0.001 nats an event, or on
 that is larger. Range and receiver's place are kept if LOO rises by more than the threshold. Other terms must also \
 raise the corrected evidence an event by more than twice the threshold. The time term is kept if the corrected \
 evidence over all events rises by more than 1 nat; LOO does not count. The corrected evidence is not in the table. In \
-logs of 300 events or more, the program tries each term but range on half of the events first, and on at most 500. It \
-rejects a term if gains one standard error higher would miss the thresholds there, or if the evidence for a time term \
-does not rise. ~ marks its row: the change on these events is added to E and LOO of the model before, and NLL is that of the model \
-learned from these events.";
+logs of 300 events or more, the program tries each of these other terms on half of the events first, and on at most \
+500. It rejects a term if gains one standard error higher would miss the thresholds there, or if the evidence for a \
+time term does not rise. ~ marks its row: the change on these events is added to E and LOO of the model before, and \
+NLL is that of the model learned from these events.";
 
 fn text(candidates: &[Candidate], best: &LearnedModel, held_out: bool) -> String {
     let mut header = vec!["kernel", "inputs", "direction", "terms", "mean", "E", "LOO"];
