@@ -4,13 +4,10 @@ use std::ops::Range;
 
 use crate::error::{Error, Result, all_finite};
 use crate::inputs::Inputs;
-use crate::latent::{Latent, clipped};
+use crate::latent::{Latent, POINTS, clipped};
 use crate::linalg::Matrix;
 use crate::parts::{on_parts, stretches};
 use crate::posterior::Posterior;
-
-/// Points in one block. Their features for 1000 rows of a posterior stay in the second-level cache.
-const POINTS: usize = 128;
 
 /// A posterior at fixed points.
 ///

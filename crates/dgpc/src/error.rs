@@ -142,7 +142,7 @@ pub enum Error {
     NotAnExtension {
         /// Rows of the prepared posterior.
         rows: usize,
-        /// Rows of the other one.
+        /// Rows of the posterior that was given.
         found: usize,
     },
     /// Summaries with different inducing points were added or subtracted.

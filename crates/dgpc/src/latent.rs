@@ -9,7 +9,7 @@ use crate::prior::Prior;
 use crate::special::{logistic, normal_cdf, normal_density};
 
 /// Points in one block. Their covariances with 1000 events, solved in place, stay in the second-level cache.
-const POINTS: usize = 128;
+pub(crate) const POINTS: usize = 128;
 
 /// Mean and variance of the latent function at each of several points.
 #[derive(Debug, Clone, PartialEq)]

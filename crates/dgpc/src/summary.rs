@@ -10,6 +10,9 @@ use crate::linalg::{Cholesky, Matrix, fill_scaled, product, semidefinite_root, s
 use crate::prior::Prior;
 use crate::sites::Sites;
 
+/// Name of Ĝ in errors.
+const PRECISION: &str = "summary precision";
+
 /// A Gaussian message about f at M inducing points Z, under a prior.
 ///
 /// The message is stored whitened. With K_ZZ = LLᵀ these are the precision Ĝ = L⁻¹GL⁻ᵀ and the shift b̂ = L⁻¹b, both
@@ -49,7 +52,7 @@ impl Summary {
         same_size("entries of a summary's shift, one per inducing point", points, shift.len())?;
         prior.check(inducing_points)?;
         all_finite("summary shift", &shift)?;
-        precision.check_finite("summary precision")?;
+        precision.check_finite(PRECISION)?;
         let mut precision = precision;
         precision.symmetrise();
         let cholesky = Cholesky::with_jitter("K_MM", &prior.kernel().gram(inducing_points)?)?;
@@ -289,7 +292,7 @@ impl Summary {
         let offset = factor.precision().times(&prior.mean().values(factor.inducing_points())?);
         let shift: Vec<f64> = factor.shift().iter().zip(&offset).map(|(shift, offset)| shift - offset).collect();
         summary.shift = lower.transposed_times(&shift);
-        summary.precision.check_finite("summary precision")?;
+        summary.precision.check_finite(PRECISION)?;
         all_finite("summary shift", &summary.shift)?;
         Ok(summary)
     }
@@ -339,9 +342,8 @@ impl Summary {
     /// # Errors
     /// As [`semidefinite_root`].
     pub(crate) fn root(&self) -> Result<Matrix> {
-        let what = "summary precision";
-        let factor = Cholesky::new(what, self.precision.clone());
-        factor.map_or_else(|_| semidefinite_root(what, &self.precision, 0.0), |factor| Ok(factor.lower()))
+        let factor = Cholesky::new(PRECISION, self.precision.clone());
+        factor.map_or_else(|_| self.root_above(0.0), |factor| Ok(factor.lower()))
     }
 
     /// Returns R with Ĝ = RRᵀ, M×M, with the eigenvalues below `floor` raised to `floor`.
@@ -349,7 +351,7 @@ impl Summary {
     /// # Errors
     /// As [`semidefinite_root`].
     pub(crate) fn root_above(&self, floor: f64) -> Result<Matrix> {
-        semidefinite_root("summary precision", &self.precision, floor)
+        semidefinite_root(PRECISION, &self.precision, floor)
     }
 }
 

@@ -76,9 +76,9 @@ impl GrowingCholesky {
         self.0.solve_lower(x);
     }
 
-    /// Replaces X by XL⁻ᵀ: solves for every row of X. The columns before `solved` are solved already. O(nm rows) for
-    /// the other m columns.
-    pub(crate) fn solve_rows(&self, x: &mut Matrix, solved: usize) {
-        solve_rows(self.0.factor.t(), x.0.as_mut(), solved);
+    /// Replaces X by XL⁻ᵀ: solves for every row of X. The columns before `first_unsolved` are solved already. O(nm
+    /// rows) for the other m columns.
+    pub(crate) fn solve_rows(&self, x: &mut Matrix, first_unsolved: usize) {
+        solve_rows(self.0.factor.t(), x.0.as_mut(), first_unsolved);
     }
 }
