@@ -41,7 +41,9 @@ impl Vehicle {
                 self.after_gap = None;
                 self.set_clock(time_s);
                 // The agent may have data from between the two reports.
-                self.transmission_slot(time_s).into_iter().for_each(|slot| self.copies.skip(slot));
+                if let Some(slot) = self.transmission_slot(time_s) {
+                    self.copies.skip(slot);
+                }
             }
             return Ok(is_confirmed);
         }
@@ -106,7 +108,8 @@ impl Vehicle {
     /// count.
     pub(crate) fn copy_agent(&mut self, time_s: f64) {
         let is_near = self.ledger.clock_s().is_some_and(|clock_s| time_s - clock_s <= self.config.clock.gap_s);
-        let slot = self.transmission_slot(time_s).filter(|_| is_near && !self.is_starting);
-        slot.into_iter().for_each(|slot| self.copies.add(slot, &self.agent));
+        if let Some(slot) = self.transmission_slot(time_s).filter(|_| is_near && !self.is_starting) {
+            self.copies.add(slot, &self.agent);
+        }
     }
 }

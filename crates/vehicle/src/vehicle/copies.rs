@@ -31,7 +31,7 @@ impl Copies {
         self.next = slot + 1;
     }
 
-    /// Stores no copy for slots up to this one. The last copy before them predicts them.
+    /// Marks the slots up to `slot` as slots with input, without a copy. The last copy before them predicts them.
     pub(crate) fn skip(&mut self, slot: u32) {
         self.next = self.next.max(slot + 1);
     }

@@ -4,7 +4,7 @@ use pingmap_agent::{Entry, Position, VehicleId};
 use pingmap_packet::OutcomeBitmap;
 use pingmap_vehicle::{
     At, Departed, FaultCode, FrameIn, FrameLink, FrameRequest, Heard, Hex, Input, LearnedEvent, Listening, Message,
-    Nav, Nmea, PeerSource, PiggybackIn, Token,
+    Nav, Nmea, PeerSource, Token,
 };
 
 use crate::host::*;
@@ -152,8 +152,7 @@ fn a_prediction_uses_the_data_that_arrived_before_its_slot() {
             |cycle| cycle < 9,
             |host, cycle, begin_s| {
                 if let Some(after_s) = after_s.filter(|_| cycle == 9) {
-                    let (from, bits, n_bits) = (VehicleId::new("bob"), format!("{bits:x}"), 16);
-                    host.send(Input::PiggybackIn(PiggybackIn { time: begin_s + after_s, from, bits, n_bits }));
+                    host.receive_bits(begin_s + after_s, bits);
                 }
             },
         );
@@ -176,8 +175,7 @@ fn a_prediction_after_a_gap_uses_no_data_that_arrived_in_its_slot() {
             host.nav(first_s);
             host.peer(first_s, PeerSource::Other);
             if receives_bits {
-                let (from, bits, n_bits) = (VehicleId::new("bob"), format!("{bits:x}"), 16);
-                host.send(Input::PiggybackIn(PiggybackIn { time: 411.0, from, bits, n_bits }));
+                host.receive_bits(411.0, bits);
             }
             for time_s in [413.0, 418.0, 425.0, 440.0] {
                 host.nav(time_s);
@@ -210,8 +208,7 @@ fn a_prediction_of_a_slot_without_navigation_uses_all_data_from_before_it() {
                 host.send(Input::Sent(At { time: time_s, kind: None }));
             }
             if second == 175 && has_bits {
-                let (from, bits, n_bits) = (VehicleId::new("bob"), format!("{bits:x}"), 16);
-                host.send(Input::PiggybackIn(PiggybackIn { time: time_s, from, bits, n_bits }));
+                host.receive_bits(time_s, bits);
             }
             if second == 193 && is_heard {
                 host.hear(time_s);

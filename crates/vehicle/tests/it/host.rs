@@ -6,7 +6,7 @@ use pingmap_agent::{Chart, Entry, InputSpec, Model, Position, Slots, Team, Vehic
 use pingmap_import::Reference;
 use pingmap_vehicle::{
     Answer, At, Contents, End, FaultCode, Heard, Hello, Input, LearnedEvent, Message, Nav, Output, PROTOCOL, Peer,
-    PeerSource, Place, Predict, QueryLink, StatusReport, Vehicle, VehicleConfig,
+    PeerSource, PiggybackIn, Place, Predict, QueryLink, StatusReport, Vehicle, VehicleConfig,
 };
 
 use crate::common::is_entry;
@@ -105,6 +105,12 @@ impl Host {
     pub fn hear(&mut self, time: f64) -> Message {
         let from = VehicleId::new("bob");
         self.send(Input::Heard(Heard { time, from, kind: None, frames: Vec::new() }))
+    }
+
+    /// Bob's piggybacked bits arrive.
+    pub fn receive_bits(&mut self, time: f64, bits: u64) {
+        let (from, bits) = (VehicleId::new("bob"), format!("{bits:x}"));
+        self.send(Input::PiggybackIn(PiggybackIn { time, from, bits, n_bits: 16 }));
     }
 
     /// Ten cycles with positions every five seconds. Bob transmits in the second slot of each cycle, and is heard in
