@@ -115,27 +115,28 @@ pub struct Attempt {
     pub is_accepted: bool,
     /// E at the optimum in nats per event. After a rejection by screening it is the value before the attempt plus the
     /// change on the events of the screening. All values for a log are therefore comparable.
-    pub evidence: f64,
-    /// Mean leave-one-out log predictive probability in nats. After a rejection by screening as [`Attempt::evidence`].
+    pub evidence_per_event: f64,
+    /// Mean leave-one-out log predictive probability in nats. After a rejection by screening it is computed as
+    /// [`Attempt::evidence_per_event`].
     pub leave_one_out: f64,
-    /// Number of events of the screening that rejected the term. `None` if the search was on all events.
-    pub screening_events: Option<usize>,
+    /// Whether the screening rejected the term.
+    pub is_screened_out: bool,
     /// The structure learned from the events of the screening. `None` if there are too few events.
     screened: Option<LearnedModel>,
 }
 
 impl Attempt {
     fn on_all(model: LearnedModel, is_accepted: bool, screened: Option<LearnedModel>) -> Self {
-        let (evidence, leave_one_out) = (model.evidence_per_event(), model.leave_one_out());
-        Self { model, is_accepted, evidence, leave_one_out, screening_events: None, screened }
+        let (evidence_per_event, leave_one_out) = (model.evidence_per_event(), model.leave_one_out());
+        Self { model, is_accepted, evidence_per_event, leave_one_out, is_screened_out: false, screened }
     }
 
     fn on_some(model: LearnedModel, before: &Self, screened_before: &LearnedModel) -> Self {
         let change = |value: fn(&LearnedModel) -> f64| value(&model) - value(screened_before);
-        let evidence = before.evidence + change(LearnedModel::evidence_per_event);
+        let evidence_per_event = before.evidence_per_event + change(LearnedModel::evidence_per_event);
         let leave_one_out = before.leave_one_out + change(LearnedModel::leave_one_out);
-        let screening_events = Some(model.events_used);
-        Self { model, is_accepted: false, evidence, leave_one_out, screening_events, screened: None }
+        let (is_accepted, is_screened_out) = (false, true);
+        Self { model, is_accepted, evidence_per_event, leave_one_out, is_screened_out, screened: None }
     }
 }
 
@@ -181,8 +182,8 @@ impl Learning {
         let mut screened = None;
         if let Some(screened_before) = before.screened.as_ref().filter(|_| !term.is_common()) {
             let after = fit(&self.of_screening(events_used), screened_before)?;
-            if !Comparison::of(&after, screened_before).promises(term, before.model.learned.fit.weights().iter().sum())
-            {
+            let weight = before.model.learned.fit.weights().iter().sum();
+            if !Comparison::of(&after, screened_before).promises(term, weight) {
                 return Ok(Attempt::on_some(after, before, screened_before));
             }
             screened = Some(after);

@@ -78,7 +78,7 @@ impl Position {
         Self { heading_deg: None, ..self }
     }
 
-    /// Returns the position at a share of the way to another one: this position at 0, and the other one at 1. The depth
+    /// Returns the position at a share of the way from `self` to `to`: `self` for a share of 0, `to` for 1. The depth
     /// is known if both depths are. The heading is unknown.
     #[must_use]
     pub fn between(&self, to: &Position, share: f64) -> Position {

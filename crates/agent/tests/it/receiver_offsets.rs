@@ -97,18 +97,18 @@ fn screening_rejects_a_term_of_equal_vehicles_and_passes_a_true_one() {
     };
     let (first, equal) = attempts(&events_of_rounds(120, |_, _, _| false));
     assert!(first.is_accepted && !equal.is_accepted);
-    assert_eq!((first.model.events_used, first.screening_events), (360, None));
-    assert_eq!((equal.model.events_used, equal.screening_events), (180, Some(180)));
+    assert_eq!((first.model.events_used, first.is_screened_out), (360, false));
+    assert_eq!((equal.model.events_used, equal.is_screened_out), (180, true));
     // The values are those of all events plus the change on some, which is small for a needless term.
     assert!((equal.leave_one_out - first.leave_one_out).abs() < 0.01);
-    assert!((equal.evidence - first.evidence).abs() < 0.01);
-    assert!((equal.model.evidence_per_event() - first.evidence).abs() > 0.01);
+    assert!((equal.evidence_per_event - first.evidence_per_event).abs() < 0.01);
+    assert!((equal.model.evidence_per_event() - first.evidence_per_event).abs() > 0.01);
     let (_, deaf) = attempts(&events_of_rounds(120, |_, receiver, _| receiver == "joe"));
     assert!(deaf.is_accepted);
-    assert_eq!((deaf.model.events_used, deaf.screening_events), (360, None));
+    assert_eq!((deaf.model.events_used, deaf.is_screened_out), (360, false));
     // Short logs are not screened.
     let (_, short) = attempts(&events_of_rounds(99, |_, _, _| false));
-    assert_eq!((short.is_accepted, short.model.events_used, short.screening_events), (false, 297, None));
+    assert_eq!((short.is_accepted, short.model.events_used, short.is_screened_out), (false, 297, false));
 }
 
 #[test]

@@ -15,7 +15,7 @@ fn tried(log: &EventLog, threads: usize) -> Vec<(Structure, Vec<u64>)> {
     let added = pool.install(|| learn(&learning, chart, inputs, &events).unwrap());
     let numbers =
         |fit: &LearnedModel| fit.model.prior.parameter_values().iter().map(|number| number.to_bits()).collect();
-    assert!(added.tried.iter().any(|(attempt, _)| attempt.screening_events.is_some()));
+    assert!(added.tried.iter().any(|(attempt, _)| attempt.is_screened_out));
     let tried = added.tried.iter().map(|(attempt, _)| &attempt.model);
     tried.chain([&added.best]).map(|fit| (fit.structure, numbers(fit))).collect()
 }

@@ -88,7 +88,7 @@ fn run(options: &Options, results: Results) -> anyhow::Result<()> {
     bar.finish_and_clear();
     let mut candidates = Vec::new();
     for (attempt, seconds) in added.tried {
-        if attempt.screening_events.is_none() {
+        if !attempt.is_screened_out {
             warn_of_search(&attempt.model);
         }
         let held_out_nll = held_out_nll(&attempt.model.model, &training, &held_out, limits)?;
@@ -204,20 +204,22 @@ impl Candidate {
         let first_word = |text: &str| text.split(' ').next().unwrap_or_default().to_owned();
         let kernel = if self.is_chosen(model) { format!("{kernel} *") } else { kernel };
         let mut row = vec![kernel, first_word(&inputs), direction, terms, first_word(&mean)];
-        let about = if self.attempt.screening_events.is_some() { "~" } else { "" };
-        row.extend([self.attempt.evidence, self.attempt.leave_one_out].map(|value| format!("{about}{value:.4}")));
+        let about = if self.attempt.is_screened_out { "~" } else { "" };
+        row.extend(
+            [self.attempt.evidence_per_event, self.attempt.leave_one_out].map(|value| format!("{about}{value:.4}")),
+        );
         row.extend(self.held_out_nll.map(|nll| format!("{nll:.4}")));
         row
     }
 
     fn json(&self, model: &LearnedModel) -> CandidateJson {
-        let Attempt { model: fit, evidence, leave_one_out, screening_events, .. } = &self.attempt;
+        let fit = &self.attempt.model;
         CandidateJson {
             chosen: self.is_chosen(model),
             model: ModelJson::of(fit),
-            evidence_per_event: *evidence,
-            comparable_leave_one_out: *leave_one_out,
-            screened: screening_events.is_some(),
+            evidence_per_event: self.attempt.evidence_per_event,
+            comparable_leave_one_out: self.attempt.leave_one_out,
+            screened: self.attempt.is_screened_out,
             seconds: self.seconds,
             held_out_nll: self.held_out_nll,
             evaluations: fit.learned.evaluations,
