@@ -24,7 +24,9 @@ pub(crate) use mean_field::MeanField;
 pub use options::FitOptions;
 pub use propagation::Propagated;
 pub use single::{absorb_observations, sites_given};
-pub(crate) use solve::{solve, solve_with, solve_with_gradient};
+#[cfg(feature = "learn")]
+pub(crate) use solve::solve_with;
+pub(crate) use solve::{solve, solve_with_gradient};
 pub use sparse::{Shard, ShardContribution, ShardRequest, ShardedFit};
 pub use stagnation::FitStop;
 
