@@ -121,18 +121,18 @@ impl Agent {
     /// Records the events of a log in CSV.
     fn record(&self, py: Python<'_>, csv: &str) -> PyResult<()> {
         let log = EventLog::read(csv.as_bytes(), Path::new("events")).map_err(refused)?;
-        self.with(py, |agent| agent.record(log.events))
+        self.with(py, |agent| agent.record(log.events).map(drop))
     }
 
     /// Records positions: time in seconds, easting and northing in metres, and perhaps a depth in metres.
     fn record_positions(&self, py: Python<'_>, fixes: Vec<(f64, f64, f64, Option<f64>)>) -> PyResult<()> {
         let fix = |(time_s, east_m, north_m, depth_m)| (time_s, Position { depth_m, ..Position::new(east_m, north_m) });
-        self.with(py, |agent| agent.record_positions(fixes.into_iter().map(fix)))
+        self.with(py, |agent| agent.record_positions(fixes.into_iter().map(fix)).map(drop))
     }
 
     /// Records that the vehicle did not transmit in its own slots at these times.
     fn record_unused_slots(&self, py: Python<'_>, times_s: Vec<f64>) -> PyResult<()> {
-        self.with(py, |agent| agent.record_unused_slots(times_s))
+        self.with(py, |agent| agent.record_unused_slots(times_s).map(drop))
     }
 
     /// Receives a frame. Returns the reason why its content does not count; `None` if it counts.
