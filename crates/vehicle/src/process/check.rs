@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use crate::config::settings::Listen;
 use crate::process::error::ProcessError;
+use crate::process::listener::resolve;
 use crate::process::start::Setup;
 use crate::store::error::StoreError;
 use crate::store::inspection::{Report, inspect};
@@ -43,5 +44,9 @@ pub fn check(setup: &Setup) -> Result<Checked, ProcessError> {
         }
     }
     let has_snapshot = snapshot_path.exists();
-    Ok(Checked { listen: setup.config.listen()?, store_path, store, snapshot_path, has_snapshot })
+    let listen = setup.config.listen()?;
+    if let Listen::Tcp(address) = &listen {
+        resolve(address)?;
+    }
+    Ok(Checked { listen, store_path, store, snapshot_path, has_snapshot })
 }

@@ -1,7 +1,7 @@
 //! [`Listener`]: where hosts connect.
 
 use std::io;
-use std::net::{TcpListener, ToSocketAddrs};
+use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
 use std::path::Path;
 use std::thread;
 use std::time::Duration;
@@ -13,6 +13,14 @@ use crate::process::stop_request::StopRequest;
 
 /// Time between two looks for a host that connects.
 const POLL: Duration = Duration::from_millis(20);
+
+/// Time without data after which the operating system probes a host, and time between two probes.
+#[cfg(target_os = "linux")]
+const KEEP_ALIVE: Duration = Duration::from_secs(10);
+
+/// Probes without an answer after which a connection ends.
+#[cfg(target_os = "linux")]
+const KEEP_ALIVE_PROBES: u32 = 3;
 
 /// Where hosts connect, one after the other. Others wait until the present one has left.
 pub(crate) enum Listener {
@@ -26,14 +34,6 @@ pub(crate) enum Listener {
 impl Listener {
     /// Begins to listen. `folder` is that of the configuration.
     pub(crate) fn open(listen: &Listen, folder: &Path) -> Result<Self, ProcessError> {
-        let failed = |name: String, source: io::Error| {
-            let remedy = match source.kind() {
-                io::ErrorKind::AddrInUse => "Another process or file is there: stop or remove it, or choose another.",
-                io::ErrorKind::PermissionDenied => "Choose a path or port that this user may use.",
-                _ => "Correct the path or address.",
-            };
-            ProcessError::Listen { listen: name, source, remedy }
-        };
         match listen {
             Listen::Stdio => Ok(Self::Stdio),
             #[cfg(unix)]
@@ -48,11 +48,12 @@ impl Listener {
                 Err(failed(format!("unix:{}", folder.join(path).display()), source))
             }
             Listen::Tcp(address) => {
-                let listener = TcpListener::bind(address).and_then(|listener| {
+                let addresses = resolve(address)?;
+                let listener = TcpListener::bind(&*addresses).and_then(|listener| {
                     listener.set_nonblocking(true)?;
                     Ok(listener)
                 });
-                if !address.to_socket_addrs().is_ok_and(|mut all| all.all(|address| address.ip().is_loopback())) {
+                if !addresses.iter().all(|address| address.ip().is_loopback()) {
                     tracing::warn!(%address, "other machines can connect: whoever reaches this port controls the vehicle");
                 }
                 listener.map(Self::Tcp).map_err(|error| failed(format!("tcp:{address}"), error))
@@ -73,6 +74,8 @@ impl Listener {
                 Self::Tcp(listener) => listener.accept().and_then(|(stream, _)| {
                     stream.set_nonblocking(false)?;
                     stream.set_nodelay(true)?;
+                    #[cfg(target_os = "linux")]
+                    keep_alive(&stream)?;
                     Connection::on_socket(Socket::Tcp(stream))
                 }),
                 #[cfg(unix)]
@@ -87,5 +90,45 @@ impl Listener {
             }
             thread::sleep(POLL);
         }
+    }
+}
+
+/// Returns the addresses behind a host name and a port.
+pub(crate) fn resolve(address: &str) -> Result<Vec<SocketAddr>, ProcessError> {
+    let addresses = address.to_socket_addrs().map_err(|error| failed(format!("tcp:{address}"), error))?;
+    Ok(addresses.collect())
+}
+
+fn failed(listen: String, source: io::Error) -> ProcessError {
+    let remedy = match source.kind() {
+        io::ErrorKind::AddrInUse => "Another process or file is there: stop or remove it, or choose another.",
+        io::ErrorKind::PermissionDenied => "Choose a path or port that this user may use.",
+        _ => "Correct the path or address.",
+    };
+    ProcessError::Listen { listen, source, remedy }
+}
+
+/// Lets the operating system end a connection whose host has vanished, so that the next host can connect.
+#[cfg(target_os = "linux")]
+fn keep_alive(stream: &TcpStream) -> io::Result<()> {
+    use rustix::net::sockopt;
+    sockopt::set_socket_keepalive(stream, true)?;
+    sockopt::set_tcp_keepidle(stream, KEEP_ALIVE)?;
+    sockopt::set_tcp_keepintvl(stream, KEEP_ALIVE)?;
+    Ok(sockopt::set_tcp_keepcnt(stream, KEEP_ALIVE_PROBES)?)
+}
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn connections_are_kept_alive_by_probes() {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let _host = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+        let (stream, _) = listener.accept().unwrap();
+        keep_alive(&stream).unwrap();
+        assert!(rustix::net::sockopt::socket_keepalive(&stream).unwrap());
+        assert_eq!(rustix::net::sockopt::tcp_keepidle(&stream).unwrap(), KEEP_ALIVE);
     }
 }
