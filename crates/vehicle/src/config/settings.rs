@@ -90,7 +90,7 @@ pub struct ClockSettings {
 
 impl Default for ClockSettings {
     fn default() -> Self {
-        Self { sigma_s: 0.1, sigma_max_s: None, gap_s: 120.0 }
+        Self { sigma_s: 0.1, sigma_max_s: None, gap_s: 30.0 }
     }
 }
 
@@ -323,10 +323,9 @@ impl VehicleConfig {
 
     /// Returns the paths of the store and of its snapshot. `folder` is that of the configuration.
     pub fn store_paths(&self, folder: &Path) -> (PathBuf, PathBuf) {
-        let named = |path: &Option<PathBuf>, extension: &str| {
-            let default = || PathBuf::from(format!("{}.{extension}", self.vehicle));
-            folder.join(path.clone().unwrap_or_else(default))
-        };
-        (named(&self.store.path, "redb"), named(&self.store.snapshot, "snapshot"))
+        let StoreSettings { path, snapshot, .. } = &self.store;
+        let path = path.clone().unwrap_or_else(|| format!("{}.redb", self.vehicle).into());
+        let snapshot = snapshot.clone().unwrap_or_else(|| path.with_extension("snapshot"));
+        (folder.join(path), folder.join(snapshot))
     }
 }

@@ -1,4 +1,4 @@
-//! [`check`]: reads what a process would read at its start, and opens nothing for writing.
+//! [`check`]: reads what a process would read at its start, and leaves no file.
 
 use std::path::PathBuf;
 
@@ -24,7 +24,7 @@ pub struct Checked {
     pub has_snapshot: bool,
 }
 
-/// Checks that the process of a vehicle could start. Opens nothing for writing.
+/// Checks that the process of a vehicle could start. Leaves no file.
 ///
 /// # Errors
 /// [`ProcessError`] with the reason why it would not start. A damaged store is an error here, although a vehicle would

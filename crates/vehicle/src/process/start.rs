@@ -11,6 +11,7 @@ use crate::config::settings::VehicleConfig;
 use crate::process::error::ProcessError;
 use crate::store::adoption::adopt_store;
 use crate::store::error::StoreError;
+use crate::store::folder::{check_folder, is_one_file};
 use crate::store::identity::Identity;
 use crate::store::recovery::{Opened, Recovery, open_or_recover_with};
 use crate::store::snapshot::{read_snapshot, write_snapshot};
@@ -38,7 +39,8 @@ impl Setup {
         Identity { vehicle: self.config.vehicle.to_string(), team_digest: self.team.digest() }
     }
 
-    /// Checks the configuration against the team, and returns the reference system of the model.
+    /// Checks the configuration against the team, and the folders of the store and of its snapshot. Leaves no file
+    /// there. Returns the reference system of the model.
     pub(crate) fn check(&self) -> Result<Reference, ProcessError> {
         let Self { config, team, .. } = self;
         if !team.is_member(&config.vehicle) {
@@ -50,6 +52,12 @@ impl Setup {
             return Err(ProcessError::WrongMuted { found: found.to_string() });
         }
         config.listen()?;
+        let (path, snapshot_path) = config.store_paths(&self.folder);
+        if is_one_file(&path, &snapshot_path) {
+            return Err(ProcessError::OneFile { path });
+        }
+        check_folder(&path)?;
+        check_folder(&snapshot_path)?;
         Ok(Reference::new(team.model.chart.reference)?)
     }
 

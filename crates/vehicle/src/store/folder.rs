@@ -22,6 +22,20 @@ pub(crate) fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
     name.into()
 }
 
+/// Checks that files can be created in the folder of a file. Leaves no file there.
+pub(crate) fn check_folder(path: &Path) -> Result<(), StoreError> {
+    if path.is_dir() {
+        return Err(StoreError::IsFolder { path: path.into() });
+    }
+    tempfile::tempfile_in(folder_of(path)).map(drop).map_err(|e| StoreError::from_io(path, e))
+}
+
+/// Returns whether two paths name one file, which may not exist yet.
+pub(crate) fn is_one_file(a: &Path, b: &Path) -> bool {
+    let folder = |path: &Path| fs::canonicalize(folder_of(path)).ok();
+    a == b || a.file_name() == b.file_name() && folder(a).is_some_and(|of_a| Some(of_a) == folder(b))
+}
+
 /// Makes the names in the folder of this file durable. Only Unix can do so; Windows needs no such step.
 pub(crate) fn sync_folder(path: &Path) -> Result<(), StoreError> {
     if cfg!(unix) {

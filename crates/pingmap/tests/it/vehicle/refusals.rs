@@ -29,7 +29,9 @@ fn a_wrong_configuration_is_refused_with_its_key() {
         ("muted = [\"auv9\"]", "muted names \"auv9\""),
         ("[store]\npath = \"nowhere/auv1.redb\"", "there is no folder"),
         ("[store]\npath = \"model.toml\"", "is not a store"),
-        ("[store]\npath = \".\"", "is a folder"),
+        ("[store]\npath = \".\"\nsnapshot = \"s\"", "is a folder"),
+        ("[store]\nsnapshot = \"nowhere/auv1.snapshot\"", "there is no folder"),
+        ("[store]\nsnapshot = \"auv1.redb\"", "store.path and store.snapshot are one file"),
     ] {
         configure(folder, more);
         refused(folder, &[text]);
