@@ -8,6 +8,9 @@ use anyhow::{Context, bail};
 use pingmap_agent::VehicleId;
 use pingmap_vehicle::{Hello, Input, LearnedEvent, Message, PROTOCOL, StatusReport};
 
+/// Messages without an answer, at most. A process that has too many of them is busy.
+const UNANSWERED_MAX: u64 = 200;
+
 /// A running process.
 pub struct Process {
     id: VehicleId,
@@ -39,8 +42,11 @@ impl Process {
         Ok(process)
     }
 
-    /// Writes a message without waiting for its answer.
+    /// Writes a message. Waits only if many answers are missing.
     pub fn tell(&mut self, input: &Input) -> anyhow::Result<()> {
+        if self.written - self.answered >= UNANSWERED_MAX {
+            self.wait()?;
+        }
         let line = serde_json::to_string(input)? + "\n";
         self.stdin.write_all(line.as_bytes()).with_context(|| format!("{} does not read", self.id))?;
         self.written += 1;
