@@ -51,6 +51,15 @@ impl Agent {
         self.record_about_peer(member, entry)
     }
 
+    /// Returns whether a member transmitted in its slot at a time, as far as the vehicle knows. A member did not if it
+    /// reported the slot as unused, its reports of unused slots are reliable, and no member heard it. True for times
+    /// outside its slots. O(members log N).
+    pub fn has_transmitted(&self, member: &VehicleId, time_s: f64) -> bool {
+        let slot = self.team().slots.sent_in(time_s, member);
+        let number = self.team().number(member);
+        number.zip(slot).is_none_or(|(number, slot)| self.memory.is_transmission(number, slot))
+    }
+
     fn record_about_peer(&mut self, member: &VehicleId, entry: Entry) -> Result<Option<Entry>, AgentError> {
         match self.apply(entry.clone())? {
             Receipt::Accepted => Ok(Some(entry)),

@@ -478,6 +478,11 @@ impl Memory {
         self.clock.admit(&self.codec.team, sender, number, entry)
     }
 
+    /// Returns whether a member transmitted in its slot.
+    pub(crate) fn is_transmission(&self, transmitter: u8, slot: u32) -> bool {
+        self.evidence().is_transmission(transmitter, slot)
+    }
+
     /// Returns everything that shows how slots were used.
     fn evidence(&self) -> SlotEvidence<'_> {
         let Self { codec, own, events, outcomes, reports, conformance, claims, muted, .. } = self;

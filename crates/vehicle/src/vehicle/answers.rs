@@ -20,6 +20,7 @@ impl Vehicle {
         let link_query = |index: usize| self.query(query, index);
         let queries: Vec<LinkQuery> = (0..query.links.len()).map(link_query).collect::<Result<_, Fault>>()?;
         self.refit_if_due();
+        self.forget_scores_of_unused_slots();
         let predictions = self.agent.predict_intervals(queries.clone()).map_err(|error| failed(&error))?;
         let reason = distrust(&self.scores.trust());
         let mut links = Vec::with_capacity(predictions.len());

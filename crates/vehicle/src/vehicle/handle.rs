@@ -84,6 +84,7 @@ impl Vehicle {
             if is_stop || is_due {
                 (self.base_s, self.records_after_base) = (clock_s, 0);
                 self.begin_snapshot();
+                self.forget_scores_of_unused_slots();
                 outputs.push(Output::Base(self.base()));
             }
         }
@@ -176,6 +177,7 @@ impl Vehicle {
                 return Ok(true);
             }
             Input::Status {} => {
+                self.forget_scores_of_unused_slots();
                 let report = self.status_report(self.inputs);
                 self.send(report);
                 return Ok(true);

@@ -32,7 +32,7 @@ impl Record {
         let text = match self {
             Record::Entry(entry) => return [&[ENTRY], entry.to_bytes().as_slice()].concat(),
             Record::Ledger(record) => Text::Ledger(record.clone()),
-            Record::Score(score) => Text::Score(*score),
+            Record::Score(score) => Text::Score(score.clone()),
         };
         // Numbers are finite and keys are texts, so that this cannot fail.
         [&[TEXT], serde_json::to_vec(&text).unwrap_or_default().as_slice()].concat()

@@ -49,6 +49,7 @@ impl Vehicle {
         if self.is_starting || due.is_empty() {
             return;
         }
+        self.forget_scores_of_unused_slots();
         let slots = self.agent.team().slots.clone();
         let news = self.modem.finish_before(slots.begin_s(due.end).unwrap_or(f64::INFINITY));
         self.note_modem_news(news);
@@ -104,7 +105,9 @@ impl Vehicle {
             success: heard,
         });
         let event = event.filter(|event| self.is_usable(event));
-        let score = event.as_ref().map(|event| self.score(event, slot)).transpose().unwrap_or_else(|error| {
+        let is_known_unused = !heard && !self.agent.has_transmitted(from, time_s);
+        let scored = event.as_ref().filter(|_| !is_known_unused);
+        let score = scored.map(|event| self.score(event, slot)).transpose().unwrap_or_else(|error| {
             let fault = failed(&error);
             self.send(Message::Error { input: self.inputs, fault });
             None
@@ -115,11 +118,14 @@ impl Vehicle {
         };
         self.copies.apply(&entries)?;
         self.records.extend(entries.into_iter().map(Record::Entry));
+        let (probability, by_range) = score.as_ref().map(|score| (score.map, score.by_range)).unzip();
         if let Some(score) = score {
-            self.scores.add(score);
+            self.scores.add(score.clone());
             self.records.push(Record::Score(score));
         }
-        let (probability, by_range) = (score.map(|score| score.map), score.map(|score| score.by_range));
+        if is_known_unused {
+            return Ok(());
+        }
         self.send(Message::Event(LearnedEvent { time: time_s, from: from.clone(), heard, probability, by_range }));
         Ok(())
     }
@@ -130,7 +136,15 @@ impl Vehicle {
         let agent = self.copies.before(slot).unwrap_or(&mut self.agent);
         let map = agent.predict([event.query()], Which::Fused)?[0].probability;
         let by_range = self.probability_by_range(&event.link);
-        Ok(Score { map, by_range, range_m: event.link.range_m(), heard: event.success })
+        let (from, time_s, range_m) = (event.transmitter_id.clone(), event.time_s, event.link.range_m());
+        Ok(Score { from, time_s, map, by_range, range_m, heard: event.success })
+    }
+
+    /// Removes the scores of slots that their senders reported as unused. O(members log N) for each of the latest 2000
+    /// events.
+    pub(crate) fn forget_scores_of_unused_slots(&mut self) {
+        let agent = &self.agent;
+        self.scores.retain(|member, time_s| agent.has_transmitted(member, time_s));
     }
 
     pub(crate) fn probability_by_range(&mut self, link: &Link) -> f64 {

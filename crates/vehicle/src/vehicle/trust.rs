@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use pingmap_agent::{CONSERVATIVE_LOSS, Link, Position};
+use pingmap_agent::{CONSERVATIVE_LOSS, Link, Position, VehicleId};
 use pingmap_trial::DistanceOnly;
 use serde::{Deserialize, Serialize};
 
@@ -21,8 +21,11 @@ const RANGE_EVENTS_MAX: usize = 2000;
 const PROBABILITY_MIN: f64 = 1e-6;
 
 /// Predictions of one event before it was learned, and its range.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Score {
+    pub(crate) from: VehicleId,
+    /// Begin of the slot.
+    pub(crate) time_s: f64,
     pub(crate) map: f64,
     pub(crate) by_range: f64,
     pub(crate) range_m: f64,
@@ -36,20 +39,30 @@ impl Score {
     }
 }
 
-/// The latest scores, and the number of all.
+/// The latest scores.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub(crate) struct Scores {
     latest: VecDeque<Score>,
-    count: u64,
+    /// Number of changes so far.
+    #[serde(skip)]
+    version: u64,
 }
 
 impl Scores {
     pub(crate) fn add(&mut self, score: Score) {
-        self.count += 1;
+        self.version += 1;
         self.latest.push_back(score);
         if self.latest.len() > RANGE_EVENTS_MAX {
             self.latest.pop_front();
         }
+    }
+
+    /// Removes the scores of slots in which nothing was transmitted: the report of the sender may arrive after the slot
+    /// was counted. `has_transmitted` takes a sender and a time.
+    pub(crate) fn retain(&mut self, has_transmitted: impl Fn(&VehicleId, f64) -> bool) {
+        let before = self.latest.len();
+        self.latest.retain(|score| score.heard || has_transmitted(&score.from, score.time_s));
+        self.version += u64::from(self.latest.len() < before);
     }
 
     /// Returns the posterior mean of the share heard, under a uniform prior.
@@ -59,7 +72,7 @@ impl Scores {
     }
 
     pub(crate) fn is_empty(&self) -> bool {
-        self.count == 0
+        self.latest.is_empty()
     }
 
     /// Returns the comparison of the map with range alone.
@@ -99,18 +112,18 @@ impl RangeModel {
     /// else the share heard, which begins at one half.
     /// O(N) after a change, for the latest 2000 events.
     pub(crate) fn probability(&mut self, scores: &Scores, conservative_range_m: Option<f64>, link: &Link) -> f64 {
-        if scores.count < EVENTS_MIN as u64 {
+        if scores.latest.len() < EVENTS_MIN {
             let Some(range_m) = conservative_range_m else { return scores.share_heard() };
             let log_odds = CONSERVATIVE_LOSS * (1.0 - link.range_m() / range_m);
             return 1.0 / (1.0 + (-log_odds).exp());
         }
         let fitted = match self.fitted {
-            Some((count, fitted)) if count == scores.count => fitted,
+            Some((version, fitted)) if version == scores.version => fitted,
             _ => {
                 let (links, outcomes): (Vec<Link>, Vec<bool>) =
                     scores.latest.iter().map(|score| (link_of(score.range_m), score.heard)).unzip();
                 let fitted = DistanceOnly::fit(&links, &outcomes);
-                self.fitted = Some((scores.count, fitted));
+                self.fitted = Some((scores.version, fitted));
                 fitted
             }
         };

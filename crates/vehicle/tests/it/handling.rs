@@ -1,6 +1,6 @@
 //! One vehicle as a state machine: which slots count, and what its host learns.
 
-use pingmap_agent::{Entry, Position, VehicleId};
+use pingmap_agent::{Agent, AgentOptions, Entry, Event, Link, Position, VehicleId};
 use pingmap_packet::OutcomeBitmap;
 use pingmap_vehicle::{
     At, Departed, FaultCode, FrameIn, FrameLink, FrameRequest, Heard, Hex, Input, LearnedEvent, Listening, Message,
@@ -334,4 +334,49 @@ fn own_slots_without_a_transmission_are_reported_as_unused() {
         host.unused_slots(0)
     };
     assert_eq!((unused(false), unused(true)), (0, 3));
+}
+
+#[test]
+fn slots_that_the_sender_reports_as_unused_change_no_score() {
+    let scores = |is_reported_early: bool| {
+        let mut host = Host::new("");
+        let mut bob = Agent::new(VehicleId::new("bob"), team(), AgentOptions::default());
+        let link = Link { transmitter: Position::new(0.0, 0.0), receiver: Position::new(300.0, 0.0) };
+        let heard = |time_s| Event {
+            time_s,
+            transmitter_id: VehicleId::new("ada"),
+            receiver_id: VehicleId::new("bob"),
+            link,
+            kind: None,
+            success: true,
+        };
+        bob.record((0..10).map(|n| heard(2.0 * SLOT_S * f64::from(n)))).unwrap();
+        bob.record_unused_slots((0..5).map(|n| 2.0 * SLOT_S * f64::from(2 * n + 1) + SLOT_S)).unwrap();
+        bob.record_positions([(0.0, Position::new(300.0, 0.0)), (205.0, Position::new(300.0, 0.0))]).unwrap();
+        let bytes = Hex(bob.next_frame(Some(210.0), 32).unwrap().unwrap().bytes);
+        let report = |host: &mut Host| {
+            let (from, bytes, link) = (Some(VehicleId::new("bob")), bytes.clone(), FrameLink::Other);
+            let answer = host.send(Input::FrameIn(FrameIn { time: 212.0, from, bytes, link }));
+            assert!(matches!(answer, Message::Acknowledgement { counts: true, .. }), "{answer:?}");
+        };
+        host.cycles(
+            |cycle| cycle % 2 == 0,
+            |host, cycle, _| {
+                if cycle == 9 && is_reported_early {
+                    report(host);
+                }
+            },
+        );
+        if !is_reported_early {
+            assert_eq!(host.status().trust.events, 10);
+            report(&mut host);
+        }
+        let trust = host.status().trust;
+        assert_eq!(trust.events, 5, "only slots with transmissions");
+        let missed = host.events.iter().filter(|event| !event.heard).count();
+        assert_eq!(host.restarted().status().trust, trust);
+        missed
+    };
+    // A slot that was known to be unused before it was counted gives no event.
+    assert_eq!((scores(false), scores(true)), (5, 4));
 }
