@@ -168,6 +168,9 @@ pub struct StatusReport {
     pub time: f64,
     /// State of the store.
     pub store: StoreState,
+    /// Warnings of the start, as in `hello`.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub warnings: Vec<String>,
     /// Trust in the map.
     pub trust: Trust,
     /// Own events with positions.

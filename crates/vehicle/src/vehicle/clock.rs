@@ -2,10 +2,14 @@
 
 use std::collections::BTreeMap;
 
+use pingmap_agent::Position;
+
 use crate::protocol::fault::{Fault, FaultCode};
+use crate::protocol::input::Nav;
 use crate::protocol::output::Message;
+use crate::vehicle::after_gap::AfterGap;
 use crate::vehicle::copies::Copies;
-use crate::vehicle::ledger::{AfterGap, LEAD_S_MAX, LedgerRecord};
+use crate::vehicle::ledger::{Jump, LEAD_S_MAX, LedgerRecord};
 use crate::vehicle::state::Vehicle;
 
 pub(crate) const NOT_RUNNING: &str = "the vehicle was not running";
@@ -13,63 +17,85 @@ pub(crate) const NO_INPUT: &str = "no input from the host";
 
 impl Vehicle {
     /// Moves the clock to the time of navigation. Returns whether the navigation applies now: its time is at most
-    /// `gap_s` after the clock, or it confirms the report before it. Receptions do not move the clock. Otherwise a host
+    /// `gap_s` from the clock, or it confirms the report before it. Receptions do not move the clock. Otherwise a host
     /// that reports nothing else would count heard slots more often than missed ones.
     ///
     /// # Errors
-    /// [`Fault`] for the first report after more than a day.
-    pub(crate) fn advance_clock(&mut self, time_s: f64) -> Result<bool, Fault> {
-        let clock_s = self.ledger.clock_s();
-        let lead_s = clock_s.map_or(f64::INFINITY, |clock_s| time_s - clock_s);
-        let gap_s = self.config.clock.gap_s;
-        if (-LEAD_S_MAX..=0.0).contains(&lead_s) {
+    /// [`Fault`] for the first report after more than a day, and for a report far behind the clock.
+    pub(crate) fn advance_clock(&mut self, nav: &Nav, position: Position) -> Result<bool, Fault> {
+        if self.step_clock(nav.time) {
             return Ok(true);
         }
-        if (0.0..=gap_s).contains(&lead_s) && !self.is_starting {
-            self.after_gap = None;
-            self.set_clock(time_s);
-            self.copy_agent(time_s);
-            return Ok(true);
-        }
-        let former = self.after_gap.replace(AfterGap { time_s, nav: None, agent: self.agent.clone() });
+        let (clock_s, gap_s) = (self.ledger.clock_s(), self.config.clock.gap_s);
+        let agent = self.agent.clone();
+        let former = self.after_gap.replace(AfterGap { nav: *nav, position, agent });
+        let is_behind = |time_s: f64| clock_s.is_some_and(|clock_s| time_s < clock_s);
         let before_s = if self.is_starting { None } else { clock_s };
-        let before_s = before_s.or(former.as_ref().map(|first| first.time_s));
-        if let Some(first) = former.filter(|first| (0.0..=LEAD_S_MAX).contains(&(time_s - first.time_s))) {
-            self.end_gap(&first);
-            let is_confirmed = time_s - first.time_s <= gap_s;
+        let before_s = before_s.or(former.as_ref().map(|first| first.nav.time));
+        // A clock that goes back needs two reports that follow each other.
+        let later_s_max = |first: &AfterGap| if is_behind(first.nav.time) { gap_s } else { LEAD_S_MAX };
+        let confirms = |first: &AfterGap| nav.time > first.nav.time && nav.time - first.nav.time <= later_s_max(first);
+        if let Some(first) = former.filter(confirms) {
+            self.end_gap(&first)?;
+            let is_confirmed = nav.time - first.nav.time <= gap_s;
             if is_confirmed {
                 self.after_gap = None;
-                self.set_clock(time_s);
+                self.set_clock(nav.time);
                 // The agent may have data from between the two reports.
-                if let Some(slot) = self.transmission_slot(time_s) {
+                if let Some(slot) = self.transmission_slot(nav.time) {
                     self.copies.skip(slot);
                 }
             }
             return Ok(is_confirmed);
         }
-        let is_behind = lead_s < 0.0 && !self.is_starting;
-        if is_behind || before_s.is_some_and(|before_s| time_s - before_s > LEAD_S_MAX) {
-            let expected = "within a day of the report before it, or confirmed by the next one";
-            return Err(Fault::of_field(FaultCode::WrongTime, "time", time_s, expected));
+        let is_refused = is_behind(nav.time) && !self.is_starting;
+        if is_refused || before_s.is_some_and(|before_s| nav.time - before_s > LEAD_S_MAX) {
+            let expected = "within a day after the report before it, or confirmed by the next one";
+            return Err(Fault::of_field(FaultCode::WrongTime, "time", nav.time, expected));
         }
         Ok(false)
     }
 
-    /// Moves the clock to the end of a gap. No slot in the gap counts. A clock that was wrong by more than a day goes
-    /// back.
-    fn end_gap(&mut self, first: &AfterGap) {
-        let clock_s = self.ledger.clock_s();
-        if clock_s.is_some_and(|clock_s| first.time_s < clock_s) {
-            let next = self.ledger.next_before_jump(&self.agent.team().slots, first.time_s);
-            self.change_ledger(LedgerRecord::Restarted { next });
+    /// Moves the clock to a time at most `gap_s` after it. Returns whether the time is within `gap_s` of the clock. A
+    /// report may be late.
+    pub(crate) fn step_clock(&mut self, time_s: f64) -> bool {
+        let gap_s = self.config.clock.gap_s;
+        match self.ledger.clock_s().map(|clock_s| time_s - clock_s) {
+            Some(lead_s) if (-gap_s..=0.0).contains(&lead_s) => true,
+            Some(lead_s) if (0.0..=gap_s).contains(&lead_s) && !self.is_starting => {
+                self.after_gap = None;
+                self.set_clock(time_s);
+                self.copy_agent(time_s);
+                true
+            }
+            _ => false,
+        }
+    }
+
+    /// Moves the clock to the end of a gap. No slot in the gap counts. A clock that was ahead goes back.
+    ///
+    /// # Errors
+    /// [`Fault`] for a time that is behind the clock although slots around it were counted.
+    fn end_gap(&mut self, first: &AfterGap) -> Result<(), Fault> {
+        let time_s = first.nav.time;
+        let slots = &self.agent.team().slots;
+        let from_s = self.ledger.clock_s().unwrap_or(f64::MIN);
+        let mut jump = Jump { from_s, to_s: time_s, next: slots.number(from_s).map_or(0, |slot| slot + 1) };
+        if time_s < from_s {
+            jump = self.ledger.jump_past(time_s, self.config.clock.gap_s).ok_or_else(|| {
+                let expected = format!("after {from_s}, the time of the clock, because slots count only once");
+                Fault::of_field(FaultCode::WrongTime, "time", time_s, expected)
+            })?;
+            self.change_ledger(LedgerRecord::WentBack { jump });
             self.copies = Copies::default();
             self.arrivals_s.clear();
             self.nav_s = None;
         }
+        self.change_ledger(LedgerRecord::Jumped { jump: Jump { to_s: time_s, ..jump } });
         let slots = &self.agent.team().slots;
         let (from_s, reason) = match self.ledger.clock_s() {
             None => {
-                let next = slots.number(first.time_s).unwrap_or(0);
+                let next = slots.number(time_s).unwrap_or(0);
                 self.change_ledger(LedgerRecord::Settled { next, excluded: BTreeMap::new() });
                 (f64::MIN, NOT_RUNNING)
             }
@@ -81,16 +107,15 @@ impl Vehicle {
             Some(clock_s) => (clock_s, NO_INPUT),
         };
         self.is_starting = false;
-        self.change_ledger(LedgerRecord::Deaf { from_s, to_s: first.time_s, reason: reason.into() });
-        self.set_clock(first.time_s);
-        if let Some(slot) = self.transmission_slot(first.time_s) {
+        self.change_ledger(LedgerRecord::Deaf { from_s, to_s: time_s, reason: reason.into() });
+        self.set_clock(time_s);
+        if let Some(slot) = self.transmission_slot(time_s) {
             self.copies.add(slot, &first.agent);
         }
-        if let Some((nav, position)) = &first.nav
-            && let Err(fault) = self.apply_nav(nav, *position)
-        {
+        if let Err(fault) = self.apply_nav(&first.nav, first.position) {
             self.send(Message::Error { input: self.inputs, fault });
         }
+        Ok(())
     }
 
     fn set_clock(&mut self, time_s: f64) {

@@ -219,14 +219,10 @@ impl Vehicle {
         self.check_sigma("clock_sigma", nav.clock_sigma)?;
         self.check_sigma("sigma", nav.sigma)?;
         let position = self.position("position", &nav.position)?;
-        let advanced = self.advance_clock(nav.time);
-        if advanced == Ok(true) {
-            return self.apply_nav(nav, position);
+        if self.advance_clock(nav, position)? {
+            self.apply_nav(nav, position)?;
         }
-        if let Some(first) = &mut self.after_gap {
-            first.nav = Some((*nav, position));
-        }
-        advanced.map(drop)
+        Ok(())
     }
 
     /// Applies navigation whose time the clock has reached.
@@ -322,10 +318,7 @@ impl Vehicle {
 
     fn note_listening(&mut self, Listening { from, to, not }: Listening) -> Result<(), Fault> {
         // Navigation alone begins the count, and ends a gap.
-        let is_near = self.ledger.clock_s().is_some_and(|clock_s| from - clock_s <= self.config.clock.gap_s);
-        if is_near && !self.is_starting {
-            self.advance_clock(from)?;
-        }
+        self.step_clock(from);
         self.change_ledger(match not {
             Some(reason) => LedgerRecord::Deaf { from_s: from, to_s: to, reason: shortened(&reason) },
             None => LedgerRecord::Listened { from_s: from, to_s: to },

@@ -2,10 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use pingmap_agent::{Agent, Position, Slots};
+use pingmap_agent::Slots;
 use serde::{Deserialize, Serialize};
-
-use crate::protocol::input::Nav;
 
 /// Intervals in which the vehicle could not receive, at most. The oldest are forgotten.
 const INTERVALS_MAX: usize = 10_000;
@@ -16,8 +14,11 @@ const HEARD_KEPT: u32 = 64;
 /// Longest lead of a time over the clock, in seconds: one day.
 pub(crate) const LEAD_S_MAX: f64 = 86_400.0;
 
-/// Jumps of the clock that are stored, at most.
+/// Jumps of the clock that are stored, at most. The oldest are forgotten.
 const JUMPS_MAX: usize = 100;
+
+/// Reason of slots that were counted while the clock was ahead.
+const WRONG_TIME: &str = "counted at a wrong time";
 
 /// Different reasons that are counted. Further ones are counted as other reasons.
 const REASONS_MAX: usize = 32;
@@ -42,20 +43,22 @@ pub(crate) enum LedgerRecord {
     Listened { from_s: f64, to_s: f64 },
     /// All slots before `next` are counted. Some of them did not count, by reason.
     Settled { next: u32, excluded: BTreeMap<String, u64> },
-    /// The clock was wrong by more than a day, and goes back. Slots before `next` were counted.
-    Restarted { next: u32 },
+    /// The clock moved across a gap.
+    Jumped { jump: Jump },
+    /// The clock was ahead after a jump, and goes back to a time before the end of this jump.
+    WentBack { jump: Jump },
     /// The clock of the vehicle reached this time.
     Handled { time_s: f64 },
 }
 
-/// The first report after a start or gap. Its time may be wrong. The second report confirms it.
-#[derive(Debug, Clone)]
-pub(crate) struct AfterGap {
-    pub(crate) time_s: f64,
-    /// Navigation, and its position on the chart. `None` for other reports.
-    pub(crate) nav: Option<(Nav, Position)>,
-    /// The agent before this report.
-    pub(crate) agent: Agent,
+/// A jump of the clock across a gap, or to its first time.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Jump {
+    /// Time of the clock before the jump. Far in the past for the first jump.
+    pub(crate) from_s: f64,
+    pub(crate) to_s: f64,
+    /// The first slot that began after `from_s`. Earlier ones were counted or excluded.
+    pub(crate) next: u32,
 }
 
 /// How a slot of another member counts.
@@ -74,8 +77,7 @@ pub(crate) struct Ledger {
     next: u32,
     /// The clock: the latest time of navigation or of listening.
     clock_s: Option<f64>,
-    /// Times of the clock before it moved by more than a day.
-    jumps_s: Vec<f64>,
+    jumps: Vec<Jump>,
     heard: BTreeSet<u32>,
     sent: BTreeSet<u32>,
     deaf: Vec<(f64, f64, String)>,
@@ -111,15 +113,25 @@ impl Ledger {
                 self.heard = self.heard.split_off(&self.next.saturating_sub(HEARD_KEPT));
                 self.sent = self.sent.split_off(&self.next);
             }
-            LedgerRecord::Restarted { next } => *self = Self { next: *next, ..std::mem::take(self).restarted() },
+            LedgerRecord::Jumped { jump } => {
+                self.jumps.push(*jump);
+                let excess = self.jumps.len().saturating_sub(JUMPS_MAX);
+                self.jumps.drain(..excess);
+            }
+            LedgerRecord::WentBack { jump } => self.go_back(*jump),
             LedgerRecord::Handled { time_s } => {
-                let clock_s = self.clock_s.unwrap_or(*time_s);
-                if time_s - clock_s > LEAD_S_MAX && self.jumps_s.len() < JUMPS_MAX {
-                    self.jumps_s.push(clock_s);
-                }
-                self.clock_s = Some(clock_s.max(*time_s));
+                self.clock_s = Some(self.clock_s.map_or(*time_s, |clock_s| clock_s.max(*time_s)));
             }
         }
+    }
+
+    /// Begins a new count after the clock was ahead since a jump. No slot counts twice.
+    fn go_back(&mut self, jump: Jump) {
+        let Self { clock_s, mut jumps, mut deaf, excluded, .. } = std::mem::take(self);
+        jumps.retain(|earlier| earlier.to_s < jump.to_s);
+        deaf.retain(|(.., reason)| reason == WRONG_TIME);
+        deaf.extend(clock_s.map(|clock_s| (jump.to_s, clock_s, WRONG_TIME.to_owned())));
+        *self = Self { next: jump.next, jumps, deaf, excluded, ..Self::default() };
     }
 
     fn add_deaf(&mut self, from_s: f64, to_s: f64, reason: &str) {
@@ -151,11 +163,11 @@ impl Ledger {
         self.clock_s
     }
 
-    /// Returns the first slot that was not counted before the clock jumped to a time from which it returns to `time_s`.
-    pub(crate) fn next_before_jump(&self, slots: &Slots, time_s: f64) -> u32 {
-        let earlier = self.jumps_s.iter().copied().filter(|&jump_s| jump_s <= time_s).reduce(f64::max);
-        let jump_s = earlier.or_else(|| self.jumps_s.iter().copied().reduce(f64::min));
-        jump_s.and_then(|jump_s| slots.number(jump_s)).map_or(0, |slot| slot + 1)
+    /// Returns the jump in which the clock moved past a time, if slots around that time were never counted. A report
+    /// may be up to `late_s` older than the clock was.
+    pub(crate) fn jump_past(&self, time_s: f64, late_s: f64) -> Option<Jump> {
+        let is_within = |jump: &&Jump| (jump.from_s - late_s..jump.to_s).contains(&time_s);
+        self.jumps.iter().rev().find(is_within).copied()
     }
 
     /// Returns the first slot that is not counted.
@@ -174,7 +186,7 @@ impl Ledger {
         self.next..end.max(self.next)
     }
 
-    /// Returns the ledger for a new count: with another schedule, or after a wrong clock.
+    /// Returns the ledger for a new count with another schedule.
     pub(crate) fn restarted(self) -> Self {
         Self { excluded: self.excluded, ..Self::default() }
     }

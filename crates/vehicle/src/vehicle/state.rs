@@ -8,8 +8,9 @@ use pingmap_import::{ModemStream, Reference};
 
 use crate::config::settings::VehicleConfig;
 use crate::protocol::output::Message;
+use crate::vehicle::after_gap::AfterGap;
 use crate::vehicle::copies::Copies;
-use crate::vehicle::ledger::{AfterGap, Ledger, LedgerRecord};
+use crate::vehicle::ledger::{Ledger, LedgerRecord};
 use crate::vehicle::positions::Positions;
 use crate::vehicle::record::Record;
 use crate::vehicle::trust::{RangeModel, Scores};
@@ -143,9 +144,9 @@ impl Vehicle {
 
     /// Returns the position of a vehicle at the time of the clock; its own one from the first navigation on.
     pub(crate) fn latest_position(&self, id: &VehicleId) -> Option<Position> {
-        let first = self.after_gap.as_ref().and_then(|first| first.nav).filter(|_| id == self.id());
+        let first = self.after_gap.as_ref().filter(|_| id == self.id());
         let known = self.positions.latest(id, self.ledger.clock_s().unwrap_or(f64::INFINITY));
-        known.or(first.map(|(_, position)| position))
+        known.or(first.map(|first| first.position))
     }
 
     /// Applies a change of the ledger, and notes it for the store.

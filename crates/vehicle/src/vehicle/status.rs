@@ -22,6 +22,7 @@ impl Vehicle {
             input,
             time: self.ledger.clock_s().unwrap_or_default(),
             store,
+            warnings: self.warnings.clone(),
             trust: self.scores.trust(),
             own_events: status.own_events,
             located_events: status.located_events,

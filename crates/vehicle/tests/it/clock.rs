@@ -247,3 +247,67 @@ fn listening_does_not_begin_the_count() {
     [30.0, 36.0].into_iter().for_each(|time_s| host.nav(time_s));
     assert_eq!(host.events, []);
 }
+
+#[test]
+fn a_clock_that_was_hours_ahead_goes_back() {
+    let mut host = Host::new("");
+    host.cycles(|_| true, |_, _, _| {});
+    // The clock of the host was wrong twice. An equal report confirms nothing.
+    [11_000.0, 11_000.0].into_iter().for_each(|time_s| host.nav(time_s));
+    assert_eq!(host.status().time, 220.0);
+    host.nav(11_001.0);
+    assert_eq!(host.status().time, 11_001.0);
+    let counted = |mut host: Host| {
+        for time_s in (0..9).map(|n| 225.0 + 5.0 * f64::from(n)) {
+            host.peer(time_s, PeerSource::Other);
+            host.try_nav(time_s);
+        }
+        assert_eq!(host.status().time, 265.0);
+        host.events.iter().map(|event| event.time).filter(|&time_s| time_s > 200.0).collect::<Vec<_>>()
+    };
+    let contents = host.contents.clone();
+    let again = Host::with(host.config.clone(), team(), contents);
+    // The slot from 210 s on ended with the clock before the jump, and counts once.
+    assert_eq!(counted(host), [210.0, 230.0, 250.0]);
+    assert_eq!(counted(again), [230.0, 250.0]);
+}
+
+#[test]
+fn a_clock_that_goes_back_counts_no_slot_twice() {
+    let mut host = Host::new("");
+    host.cycles(|_| true, |_, _, _| {});
+    for time_s in [100.0, 101.0, 102.0] {
+        assert_eq!(code(&host.try_nav(time_s)), FaultCode::WrongTime, "{time_s}");
+    }
+    assert_eq!(host.status().time, 220.0);
+    // Slots that were counted while the clock was ahead do not count when their time comes.
+    [11_000.0, 11_001.0].into_iter().for_each(|time_s| host.nav(time_s));
+    for time_s in (0..8).map(|n| 11_000.0 + 5.0 * f64::from(n)) {
+        host.peer(time_s, PeerSource::Other);
+        host.nav(time_s);
+    }
+    let counted = host.events.len();
+    assert!(counted > 10, "{:?}", host.events);
+    host.try_nav(300.0);
+    [305.0, 10_990.0, 10_995.0].into_iter().for_each(|time_s| host.nav(time_s));
+    for time_s in (0..14).map(|n| 11_000.0 + 5.0 * f64::from(n)) {
+        host.peer(time_s, PeerSource::Other);
+        host.nav(time_s);
+    }
+    let times: Vec<f64> = host.events[counted..].iter().map(|event| event.time).collect();
+    assert_eq!(times, [10_990.0, 11_050.0], "{:?}", host.events);
+    assert!(host.status().excluded_slots["counted at a wrong time"] >= 1);
+}
+
+#[test]
+fn listening_far_in_the_past_does_not_move_the_clock() {
+    let mut host = Host::new("");
+    host.cycles(|_| true, |_, _, _| {});
+    for _ in 0..3 {
+        host.send(Input::Listening(Listening { from: 0.0, to: 30.0, not: None }));
+    }
+    assert_eq!(host.status().time, 220.0);
+    host.peer(225.0, PeerSource::Other);
+    host.nav(236.0);
+    assert_eq!(host.events.len(), 11);
+}

@@ -16,6 +16,8 @@ pub enum Finding {
     ReusedCounter { vehicle: usize, counter: u16 },
     /// A vehicle stores more than its limits allow.
     OverLimit { vehicle: usize, events: usize },
+    /// The clock of a vehicle is wrong at the end.
+    WrongClock { vehicle: usize, clock_s: f64 },
     /// A vehicle refused a message of its host that was right.
     Refused { vehicle: usize, slot: u32, problem: String },
 }

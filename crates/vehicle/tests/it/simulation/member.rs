@@ -232,6 +232,16 @@ impl Member {
         }
     }
 
+    /// Returns the time of the vehicle's clock.
+    pub fn clock_s(&mut self) -> f64 {
+        let outputs = self.vehicle.handle(Input::Status {});
+        let status = outputs.into_iter().find_map(|output| match output {
+            Output::Send(Message::Status(status)) => Some(status),
+            _ => None,
+        });
+        status.map_or(f64::NAN, |status| status.time)
+    }
+
     /// Checks the events of the vehicle after a run.
     pub fn check_events(&self, events_max: usize, findings: &mut Vec<Finding>) {
         let agent = self.vehicle.agent();

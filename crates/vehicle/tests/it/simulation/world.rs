@@ -7,8 +7,8 @@ use pingmap_agent::{Chart, Event, InputSpec, Key, Model, Position, Slots, Team, 
 use pingmap_packet::MapMessage;
 use pingmap_trial::simulate::{Simulated, Simulation, Sound};
 use pingmap_vehicle::{
-    At, Departed, FrameIn, FrameLink, FrameRequest, Heard, Hex, Input, Listening, Message, Nav, Peer, PeerSource,
-    PiggybackIn, PiggybackRequest, Place, Predict, Token, VehicleConfig,
+    At, Departed, FaultCode, FrameIn, FrameLink, FrameRequest, Heard, Hex, Input, Listening, Message, Nav, Peer,
+    PeerSource, PiggybackIn, PiggybackRequest, Place, Predict, Token, VehicleConfig,
 };
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -119,7 +119,19 @@ impl World {
         for slot in SLOTS..SLOTS + 3 {
             self.navigate(slot);
         }
+        self.check_clocks();
         self.finish()
+    }
+
+    /// Checks that every clock is right at the end, also after a time at which it was wrong.
+    fn check_clocks(&mut self) {
+        let end_s = SLOT_S * (SLOTS + 3) as f64;
+        for (number, member) in self.members.iter_mut().enumerate() {
+            let clock_s = member.clock_s();
+            if (clock_s - end_s).abs() > 5.0 * SLOT_S {
+                self.findings.push(Finding::WrongClock { vehicle: number, clock_s });
+            }
+        }
     }
 
     /// The member with the fault is the last one.
@@ -149,8 +161,11 @@ impl World {
     fn submit_right(&mut self, member: usize, slot: usize, input: Input) -> Vec<Message> {
         let answers = self.submit(member, slot, input);
         for answer in &answers {
+            // A clock that goes back needs two reports.
+            let is_after_jump = self.fault_of(member) == Fault::ClockJump && slot == 23;
             if let Message::Error { fault, .. } = answer
-                && fault.code != pingmap_vehicle::FaultCode::StoreFailed
+                && fault.code != FaultCode::StoreFailed
+                && !(fault.code == FaultCode::WrongTime && is_after_jump)
             {
                 let problem = fault.message.clone();
                 self.findings.push(Finding::Refused { vehicle: member, slot: slot as u32, problem });
