@@ -17,7 +17,7 @@ def test_a_warning_names_the_line_of_the_caller(
     log: Path, model: Path, links: dict[str, Any], tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     table, output = pingmap.read_log(log), tmp_path / "map.csv"
-    words = ["--at=0,0", "--cell-m=200", f"--model={model}", "--events-max=30", "--quiet", "-o", output]
+    words = ["--at=100,200", "--cell-m=200", f"--model={model}", "--events-max=30", "--quiet", "-o", output]
     calls = [
         lambda: pingmap.predict(table, links, model=model, events_max=30),
         lambda: pingmap.run("map", log, *words),
