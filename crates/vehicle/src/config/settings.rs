@@ -63,7 +63,7 @@ pub struct VehicleConfig {
 pub struct StoreSettings {
     /// Path of the store; `NAME.redb` if absent, with the name of the vehicle.
     pub path: Option<PathBuf>,
-    /// Path of the snapshot next to it; `NAME.snapshot` if absent.
+    /// Path of the snapshot; `NAME.snapshot` next to the store if absent.
     pub snapshot: Option<PathBuf>,
     /// Seconds between snapshots.
     pub snapshot_interval_s: f64,
@@ -325,7 +325,7 @@ impl VehicleConfig {
     pub fn store_paths(&self, folder: &Path) -> (PathBuf, PathBuf) {
         let StoreSettings { path, snapshot, .. } = &self.store;
         let path = path.clone().unwrap_or_else(|| format!("{}.redb", self.vehicle).into());
-        let snapshot = snapshot.clone().unwrap_or_else(|| path.with_extension("snapshot"));
+        let snapshot = snapshot.clone().unwrap_or_else(|| path.with_file_name(format!("{}.snapshot", self.vehicle)));
         (folder.join(path), folder.join(snapshot))
     }
 }

@@ -36,10 +36,10 @@ pub enum ProcessError {
     /// The reference system of the model is not known.
     #[error("the model of the team: {0}")]
     Reference(#[from] ReferenceError),
-    /// The store and its snapshot would be one file.
-    #[error("store.path and store.snapshot are one file, {}. Choose another path for the snapshot.", path.display())]
+    /// Writing the snapshot would replace the store.
+    #[error("store.snapshot would replace the store {}. Choose another path for the snapshot.", path.display())]
     OneFile {
-        /// The path of both.
+        /// The store.
         path: PathBuf,
     },
     /// The store cannot be used.

@@ -1,7 +1,7 @@
 //! [`Listener`]: where hosts connect.
 
 use std::io;
-use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
+use std::net::{SocketAddr, TcpListener, ToSocketAddrs};
 use std::path::Path;
 use std::thread;
 use std::time::Duration;
@@ -21,6 +21,10 @@ const KEEP_ALIVE: Duration = Duration::from_secs(10);
 /// Probes without an answer after which a connection ends.
 #[cfg(target_os = "linux")]
 const KEEP_ALIVE_PROBES: u32 = 3;
+
+/// Time without an acknowledgement after which a connection ends, in milliseconds.
+#[cfg(target_os = "linux")]
+const USER_TIMEOUT_MS: u32 = 40_000;
 
 /// Where hosts connect, one after the other. Others wait until the present one has left.
 pub(crate) enum Listener {
@@ -110,17 +114,20 @@ fn failed(listen: String, source: io::Error) -> ProcessError {
 
 /// Lets the operating system end a connection whose host has vanished, so that the next host can connect.
 #[cfg(target_os = "linux")]
-fn keep_alive(stream: &TcpStream) -> io::Result<()> {
+fn keep_alive(stream: &std::net::TcpStream) -> io::Result<()> {
     use rustix::net::sockopt;
     sockopt::set_socket_keepalive(stream, true)?;
     sockopt::set_tcp_keepidle(stream, KEEP_ALIVE)?;
     sockopt::set_tcp_keepintvl(stream, KEEP_ALIVE)?;
-    Ok(sockopt::set_tcp_keepcnt(stream, KEEP_ALIVE_PROBES)?)
+    sockopt::set_tcp_keepcnt(stream, KEEP_ALIVE_PROBES)?;
+    // The same limit for data that the host does not acknowledge.
+    Ok(sockopt::set_tcp_user_timeout(stream, USER_TIMEOUT_MS)?)
 }
 
 #[cfg(all(test, target_os = "linux"))]
 mod tests {
     use super::*;
+    use std::net::TcpStream;
 
     #[test]
     fn connections_are_kept_alive_by_probes() {
@@ -130,5 +137,8 @@ mod tests {
         keep_alive(&stream).unwrap();
         assert!(rustix::net::sockopt::socket_keepalive(&stream).unwrap());
         assert_eq!(rustix::net::sockopt::tcp_keepidle(&stream).unwrap(), KEEP_ALIVE);
+        assert_eq!(rustix::net::sockopt::tcp_keepintvl(&stream).unwrap(), KEEP_ALIVE);
+        assert_eq!(rustix::net::sockopt::tcp_keepcnt(&stream).unwrap(), KEEP_ALIVE_PROBES);
+        assert_eq!(rustix::net::sockopt::tcp_user_timeout(&stream).unwrap(), USER_TIMEOUT_MS);
     }
 }

@@ -11,7 +11,7 @@ use crate::config::settings::VehicleConfig;
 use crate::process::error::ProcessError;
 use crate::store::adoption::adopt_store;
 use crate::store::error::StoreError;
-use crate::store::folder::{check_folder, is_one_file};
+use crate::store::folder::{check_folder, is_replaced_by};
 use crate::store::identity::Identity;
 use crate::store::recovery::{Opened, Recovery, open_or_recover_with};
 use crate::store::snapshot::{read_snapshot, write_snapshot};
@@ -53,7 +53,7 @@ impl Setup {
         }
         config.listen()?;
         let (path, snapshot_path) = config.store_paths(&self.folder);
-        if is_one_file(&path, &snapshot_path) {
+        if is_replaced_by(&path, &snapshot_path) {
             return Err(ProcessError::OneFile { path });
         }
         check_folder(&path)?;

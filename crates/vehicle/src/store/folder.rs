@@ -30,8 +30,13 @@ pub(crate) fn check_folder(path: &Path) -> Result<(), StoreError> {
     tempfile::tempfile_in(folder_of(path)).map(drop).map_err(|e| StoreError::from_io(path, e))
 }
 
+/// Returns whether a file would be replaced by writing the file `replaced` with [`replace_file`].
+pub(crate) fn is_replaced_by(path: &Path, replaced: &Path) -> bool {
+    is_one_file(path, replaced) || is_one_file(path, &with_suffix(replaced, ".new"))
+}
+
 /// Returns whether two paths name one file, which may not exist yet.
-pub(crate) fn is_one_file(a: &Path, b: &Path) -> bool {
+fn is_one_file(a: &Path, b: &Path) -> bool {
     let folder = |path: &Path| fs::canonicalize(folder_of(path)).ok();
     a == b || a.file_name() == b.file_name() && folder(a).is_some_and(|of_a| Some(of_a) == folder(b))
 }

@@ -11,7 +11,7 @@ impl Vehicle {
     /// Checks the time of an input. Times may be late: a host may report a position or a reception after others.
     pub(crate) fn check_time(&self, field: &str, time_s: f64) -> Result<(), Fault> {
         self.check_any_time(field, time_s)?;
-        let first_s = self.after_gap.as_ref().map(|first| first.nav.time);
+        let first_s = self.unconfirmed.as_ref().map(|first| first.nav.time);
         let before_s = self.ledger.clock_s().into_iter().chain(first_s).reduce(f64::max);
         match before_s {
             Some(before_s) if time_s - before_s > LEAD_S_MAX => {

@@ -7,13 +7,10 @@ use pingmap_agent::Position;
 use crate::protocol::fault::{Fault, FaultCode};
 use crate::protocol::input::Nav;
 use crate::protocol::output::Message;
-use crate::vehicle::after_gap::AfterGap;
 use crate::vehicle::copies::Copies;
-use crate::vehicle::ledger::{Jump, LEAD_S_MAX, LedgerRecord};
+use crate::vehicle::ledger::{Jump, LEAD_S_MAX, LedgerRecord, NO_INPUT, NOT_RUNNING};
 use crate::vehicle::state::Vehicle;
-
-pub(crate) const NOT_RUNNING: &str = "the vehicle was not running";
-pub(crate) const NO_INPUT: &str = "no input from the host";
+use crate::vehicle::unconfirmed_nav::UnconfirmedNav;
 
 impl Vehicle {
     /// Moves the clock to the time of navigation. Returns whether the navigation applies now: its time is at most
@@ -28,18 +25,19 @@ impl Vehicle {
         }
         let (clock_s, gap_s) = (self.ledger.clock_s(), self.config.clock.gap_s);
         let agent = self.agent.clone();
-        let former = self.after_gap.replace(AfterGap { nav: *nav, position, agent });
+        let former = self.unconfirmed.replace(UnconfirmedNav { nav: *nav, position, agent });
         let is_behind = |time_s: f64| clock_s.is_some_and(|clock_s| time_s < clock_s);
         let before_s = if self.is_starting { None } else { clock_s };
         let before_s = before_s.or(former.as_ref().map(|first| first.nav.time));
         // A clock that goes back needs two reports that follow each other.
-        let later_s_max = |first: &AfterGap| if is_behind(first.nav.time) { gap_s } else { LEAD_S_MAX };
-        let confirms = |first: &AfterGap| nav.time > first.nav.time && nav.time - first.nav.time <= later_s_max(first);
-        if let Some(first) = former.filter(confirms) {
-            self.end_gap(&first)?;
+        let later_s_max = |first: &UnconfirmedNav| if is_behind(first.nav.time) { gap_s } else { LEAD_S_MAX };
+        let is_later =
+            |first: &UnconfirmedNav| nav.time > first.nav.time && nav.time - first.nav.time <= later_s_max(first);
+        if let Some(first) = former.filter(is_later) {
+            self.end_gap(&first, nav.time)?;
             let is_confirmed = nav.time - first.nav.time <= gap_s;
             if is_confirmed {
-                self.after_gap = None;
+                self.unconfirmed = None;
                 self.set_clock(nav.time);
                 // The agent may have data from between the two reports.
                 if let Some(slot) = self.transmission_slot(nav.time) {
@@ -50,7 +48,10 @@ impl Vehicle {
         }
         let is_refused = is_behind(nav.time) && !self.is_starting;
         if is_refused || before_s.is_some_and(|before_s| nav.time - before_s > LEAD_S_MAX) {
-            let expected = "within a day after the report before it, or confirmed by the next one";
+            let expected = match clock_s.filter(|_| is_refused) {
+                Some(clock_s) => format!("at most {gap_s} s before {clock_s}, or confirmed by the next one"),
+                None => "within a day after the report before it, or confirmed by the next one".into(),
+            };
             return Err(Fault::of_field(FaultCode::WrongTime, "time", nav.time, expected));
         }
         Ok(false)
@@ -63,7 +64,7 @@ impl Vehicle {
         match self.ledger.clock_s().map(|clock_s| time_s - clock_s) {
             Some(lead_s) if (-gap_s..=0.0).contains(&lead_s) => true,
             Some(lead_s) if (0.0..=gap_s).contains(&lead_s) && !self.is_starting => {
-                self.after_gap = None;
+                self.unconfirmed = None;
                 self.set_clock(time_s);
                 self.copy_agent(time_s);
                 true
@@ -72,24 +73,28 @@ impl Vehicle {
         }
     }
 
-    /// Moves the clock to the end of a gap. No slot in the gap counts. A clock that was ahead goes back.
+    /// Moves the clock to the end of a gap. A report at `confirmed_s` has confirmed it. No slot in the gap counts. A
+    /// clock that was ahead goes back. Slots before `confirmed_s` then do not count, because the clock that was ahead
+    /// had counted them before their receptions arrived.
     ///
     /// # Errors
     /// [`Fault`] for a time that is behind the clock although slots around it were counted.
-    fn end_gap(&mut self, first: &AfterGap) -> Result<(), Fault> {
+    fn end_gap(&mut self, first: &UnconfirmedNav, confirmed_s: f64) -> Result<(), Fault> {
         let time_s = first.nav.time;
+        let mut deaf_to_s = time_s;
         let slots = &self.agent.team().slots;
         let from_s = self.ledger.clock_s().unwrap_or(f64::MIN);
         let mut jump = Jump { from_s, to_s: time_s, next: slots.number(from_s).map_or(0, |slot| slot + 1) };
         if time_s < from_s {
-            jump = self.ledger.jump_past(time_s, self.config.clock.gap_s).ok_or_else(|| {
+            jump = self.ledger.find_jump(time_s, self.config.clock.gap_s).ok_or_else(|| {
                 let expected = format!("after {from_s}, the time of the clock, because slots count only once");
                 Fault::of_field(FaultCode::WrongTime, "time", time_s, expected)
             })?;
+            deaf_to_s = confirmed_s;
             self.change_ledger(LedgerRecord::WentBack { jump });
             self.copies = Copies::default();
             self.arrivals_s.clear();
-            self.nav_s = None;
+            (self.nav_s, self.base_s) = (None, None);
         }
         self.change_ledger(LedgerRecord::Jumped { jump: Jump { to_s: time_s, ..jump } });
         let slots = &self.agent.team().slots;
@@ -107,7 +112,7 @@ impl Vehicle {
             Some(clock_s) => (clock_s, NO_INPUT),
         };
         self.is_starting = false;
-        self.change_ledger(LedgerRecord::Deaf { from_s, to_s: time_s, reason: reason.into() });
+        self.change_ledger(LedgerRecord::Deaf { from_s, to_s: deaf_to_s, reason: reason.into() });
         self.set_clock(time_s);
         if let Some(slot) = self.transmission_slot(time_s) {
             self.copies.add(slot, &first.agent);

@@ -44,7 +44,7 @@ impl Vehicle {
         self.has_greeted = false;
         self.inputs = 0;
         // Without a host, receptions are not reported.
-        (self.is_starting, self.after_gap) = (true, None);
+        (self.is_starting, self.unconfirmed) = (true, None);
     }
 
     /// Ends without a message of the host. Returns what the process has to do, as for `stop`.

@@ -14,8 +14,14 @@ const HEARD_KEPT: u32 = 64;
 /// Longest lead of a time over the clock, in seconds: one day.
 pub(crate) const LEAD_S_MAX: f64 = 86_400.0;
 
-/// Jumps of the clock that are stored, at most. The oldest are forgotten.
+/// Jumps of the clock that are stored, at most. The shortest are forgotten.
 const JUMPS_MAX: usize = 100;
+
+/// Reason of slots before the first report, and during a pause of the process or of its host.
+pub(crate) const NOT_RUNNING: &str = "the vehicle was not running";
+
+/// Reason of slots in a gap between reports.
+pub(crate) const NO_INPUT: &str = "no input from the host";
 
 /// Reason of slots that were counted while the clock was ahead.
 const WRONG_TIME: &str = "counted at a wrong time";
@@ -57,7 +63,7 @@ pub(crate) struct Jump {
     /// Time of the clock before the jump. Far in the past for the first jump.
     pub(crate) from_s: f64,
     pub(crate) to_s: f64,
-    /// The first slot that began after `from_s`. Earlier ones were counted or excluded.
+    /// The first slot that began after `from_s`.
     pub(crate) next: u32,
 }
 
@@ -78,6 +84,8 @@ pub(crate) struct Ledger {
     /// The clock: the latest time of navigation or of listening.
     clock_s: Option<f64>,
     jumps: Vec<Jump>,
+    /// Intervals whose slots were counted while the clock was ahead.
+    counted_ahead: Vec<(f64, f64)>,
     heard: BTreeSet<u32>,
     sent: BTreeSet<u32>,
     deaf: Vec<(f64, f64, String)>,
@@ -115,8 +123,11 @@ impl Ledger {
             }
             LedgerRecord::Jumped { jump } => {
                 self.jumps.push(*jump);
-                let excess = self.jumps.len().saturating_sub(JUMPS_MAX);
-                self.jumps.drain(..excess);
+                if self.jumps.len() > JUMPS_MAX {
+                    let length_s = |index: &usize| self.jumps[*index].to_s - self.jumps[*index].from_s;
+                    let shortest = (0..self.jumps.len()).min_by(|a, b| length_s(a).total_cmp(&length_s(b)));
+                    shortest.map(|index| self.jumps.remove(index));
+                }
             }
             LedgerRecord::WentBack { jump } => self.go_back(*jump),
             LedgerRecord::Handled { time_s } => {
@@ -125,13 +136,22 @@ impl Ledger {
         }
     }
 
-    /// Begins a new count after the clock was ahead since a jump. No slot counts twice.
+    /// Begins a new count after the clock was ahead since a jump. No slot counts twice. Reports about the time before
+    /// the end of the jump stay, and reasons that last.
     fn go_back(&mut self, jump: Jump) {
-        let Self { clock_s, mut jumps, mut deaf, excluded, .. } = std::mem::take(self);
+        let Self { clock_s, mut jumps, mut counted_ahead, mut deaf, mut deaf_since_s, mut listened, excluded, .. } =
+            std::mem::take(self);
+        let end_s = jumps.iter().map(|jump| jump.from_s).chain(clock_s).fold(jump.to_s, f64::max);
+        counted_ahead.push((jump.to_s, end_s));
+        counted_ahead.drain(..counted_ahead.len().saturating_sub(JUMPS_MAX));
         jumps.retain(|earlier| earlier.to_s < jump.to_s);
-        deaf.retain(|(.., reason)| reason == WRONG_TIME);
-        deaf.extend(clock_s.map(|clock_s| (jump.to_s, clock_s, WRONG_TIME.to_owned())));
-        *self = Self { next: jump.next, jumps, deaf, excluded, ..Self::default() };
+        // The gap before the wrong time was none.
+        deaf.retain(|(from_s, _, reason)| *from_s < jump.to_s && reason != NO_INPUT && reason != NOT_RUNNING);
+        listened.retain(|(from_s, _)| *from_s < jump.to_s);
+        // Their begin may be wrong.
+        deaf_since_s.values_mut().for_each(|from_s| *from_s = f64::MIN);
+        let next = jump.next;
+        *self = Self { next, jumps, counted_ahead, deaf, deaf_since_s, listened, excluded, ..Self::default() };
     }
 
     fn add_deaf(&mut self, from_s: f64, to_s: f64, reason: &str) {
@@ -165,7 +185,7 @@ impl Ledger {
 
     /// Returns the jump in which the clock moved past a time, if slots around that time were never counted. A report
     /// may be up to `late_s` older than the clock was.
-    pub(crate) fn jump_past(&self, time_s: f64, late_s: f64) -> Option<Jump> {
+    pub(crate) fn find_jump(&self, time_s: f64, late_s: f64) -> Option<Jump> {
         let is_within = |jump: &&Jump| (jump.from_s - late_s..jump.to_s).contains(&time_s);
         self.jumps.iter().rev().find(is_within).copied()
     }
@@ -217,6 +237,9 @@ impl Ledger {
 
     /// Returns why the vehicle could not receive during a whole interval; `None` if it could.
     pub(crate) fn deafness(&self, (begin_s, end_s): (f64, f64), listens: bool) -> Option<String> {
+        if self.counted_ahead.iter().any(|(from_s, to_s)| *from_s < end_s && *to_s > begin_s) {
+            return Some(WRONG_TIME.into());
+        }
         if let Some(reason) = self.deaf_in((begin_s, end_s)).next() {
             return Some(reason.into());
         }

@@ -6,7 +6,7 @@ pub(crate) mod ledger;
 pub(crate) mod trust;
 pub(crate) mod positions;
 pub(crate) mod copies;
-pub(crate) mod after_gap;
+pub(crate) mod unconfirmed_nav;
 pub(crate) mod state;
 pub(crate) mod restore;
 pub(crate) mod check;

@@ -6,8 +6,7 @@ use pingmap_agent::{AgentError, Event, Link, VehicleId, Which};
 
 use crate::protocol::fault::{Fault, FaultCode};
 use crate::protocol::output::{LearnedEvent, Message};
-use crate::vehicle::clock::{NO_INPUT, NOT_RUNNING};
-use crate::vehicle::ledger::{LedgerRecord, SlotOutcome, span_s};
+use crate::vehicle::ledger::{LedgerRecord, NO_INPUT, NOT_RUNNING, SlotOutcome, span_s};
 use crate::vehicle::record::Record;
 use crate::vehicle::state::Vehicle;
 use crate::vehicle::trust::Score;

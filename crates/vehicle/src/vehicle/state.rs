@@ -8,12 +8,12 @@ use pingmap_import::{ModemStream, Reference};
 
 use crate::config::settings::VehicleConfig;
 use crate::protocol::output::Message;
-use crate::vehicle::after_gap::AfterGap;
 use crate::vehicle::copies::Copies;
 use crate::vehicle::ledger::{Ledger, LedgerRecord};
 use crate::vehicle::positions::Positions;
 use crate::vehicle::record::Record;
 use crate::vehicle::trust::{RangeModel, Scores};
+use crate::vehicle::unconfirmed_nav::UnconfirmedNav;
 
 /// One step that the process takes after an input. It takes all of them in their order.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,8 +57,8 @@ pub struct Vehicle {
     pub(crate) has_greeted: bool,
     /// Whether the clock has not moved since the process or its host started. No slot counts until then.
     pub(crate) is_starting: bool,
-    /// The first report after a gap, until the second one confirms it.
-    pub(crate) after_gap: Option<AfterGap>,
+    /// Navigation after a gap or far behind the clock, until a later report confirms it.
+    pub(crate) unconfirmed: Option<UnconfirmedNav>,
     /// Latest time of a reported reception by member, in seconds.
     pub(crate) arrivals_s: BTreeMap<VehicleId, f64>,
     pub(crate) inputs: u64,
@@ -109,7 +109,7 @@ impl Vehicle {
             warnings: Vec::new(),
             has_greeted: false,
             is_starting: true,
-            after_gap: None,
+            unconfirmed: None,
             arrivals_s: BTreeMap::new(),
             inputs: 0,
             late_receptions: 0,
@@ -144,7 +144,7 @@ impl Vehicle {
 
     /// Returns the position of a vehicle at the time of the clock; its own one from the first navigation on.
     pub(crate) fn latest_position(&self, id: &VehicleId) -> Option<Position> {
-        let first = self.after_gap.as_ref().filter(|_| id == self.id());
+        let first = self.unconfirmed.as_ref().filter(|_| id == self.id());
         let known = self.positions.latest(id, self.ledger.clock_s().unwrap_or(f64::INFINITY));
         known.or(first.map(|first| first.position))
     }

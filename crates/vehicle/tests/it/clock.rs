@@ -1,6 +1,6 @@
 //! The clock of a vehicle: starts, gaps, wrong times, and slots that do not count because of them.
 
-use pingmap_vehicle::{FaultCode, Input, Listening, Message, Nav, PeerSource};
+use pingmap_vehicle::{At, FaultCode, Input, Listening, Message, Nav, PeerSource};
 
 use crate::host::*;
 
@@ -303,11 +303,51 @@ fn a_clock_that_goes_back_counts_no_slot_twice() {
 fn listening_far_in_the_past_does_not_move_the_clock() {
     let mut host = Host::new("");
     host.cycles(|_| true, |_, _, _| {});
-    for _ in 0..3 {
-        host.send(Input::Listening(Listening { from: 0.0, to: 30.0, not: None }));
+    [11_000.0, 11_001.0].into_iter().for_each(|time_s| host.nav(time_s));
+    for from in [0.0, 225.0, 230.0, 235.0] {
+        host.send(Input::Listening(Listening { from, to: from + 30.0, not: None }));
     }
-    assert_eq!(host.status().time, 220.0);
-    host.peer(225.0, PeerSource::Other);
-    host.nav(236.0);
-    assert_eq!(host.events.len(), 11);
+    assert_eq!(host.status().time, 11_001.0);
+}
+
+#[test]
+fn slots_between_the_two_reports_of_a_clock_that_goes_back_do_not_count() {
+    let mut host = Host::new("slots.reports_transmissions = true");
+    host.cycles(|_| true, |_, _, _| {});
+    [11_000.0, 11_001.0, 11_030.0, 11_035.0].into_iter().for_each(|time_s| host.nav(time_s));
+    let entries = host.contents.entries.len();
+    host.try_nav(229.0);
+    host.hear(231.0);
+    host.send(Input::Sent(At { time: 240.1, kind: None }));
+    host.nav(241.0);
+    for time_s in (0..5).map(|n| 245.0 + 5.0 * f64::from(n)) {
+        host.peer(time_s, PeerSource::Other);
+        host.nav(time_s);
+    }
+    let times: Vec<f64> =
+        host.events.iter().map(|event| event.time).filter(|time_s| (220.0..1000.0).contains(time_s)).collect();
+    assert_eq!(times, [250.0]);
+    assert_eq!(host.unused_slots(entries), 0);
+}
+
+#[test]
+fn a_clock_that_goes_back_twice_counts_no_slot_twice() {
+    let mut host = Host::new("");
+    host.cycles(|_| true, |_, _, _| {});
+    let report = |host: &mut Host, times: std::ops::Range<u32>| {
+        for time_s in times.step_by(5).map(f64::from) {
+            host.peer(time_s, PeerSource::Other);
+            host.try_nav(time_s);
+        }
+    };
+    // Slots from 11 000 s on count while the clock is ahead.
+    for times in [11_000..11_050, 300..400, 50_000..50_020, 405..600, 10_980..11_100] {
+        report(&mut host, times);
+    }
+    let mut times: Vec<f64> = host.events.iter().map(|event| event.time).collect();
+    assert!(times.contains(&11_010.0) && times.contains(&11_070.0), "{times:?}");
+    let count = times.len();
+    times.sort_by(f64::total_cmp);
+    times.dedup();
+    assert_eq!(times.len(), count, "{times:?}");
 }

@@ -31,7 +31,8 @@ fn a_wrong_configuration_is_refused_with_its_key() {
         ("[store]\npath = \"model.toml\"", "is not a store"),
         ("[store]\npath = \".\"\nsnapshot = \"s\"", "is a folder"),
         ("[store]\nsnapshot = \"nowhere/auv1.snapshot\"", "there is no folder"),
-        ("[store]\nsnapshot = \"auv1.redb\"", "store.path and store.snapshot are one file"),
+        ("[store]\nsnapshot = \"auv1.redb\"", "would replace the store"),
+        ("[store]\npath = \"auv1.new\"\nsnapshot = \"./auv1\"", "would replace the store"),
     ] {
         configure(folder, more);
         refused(folder, &[text]);

@@ -128,7 +128,7 @@ impl World {
         let end_s = SLOT_S * (SLOTS + 3) as f64;
         for (number, member) in self.members.iter_mut().enumerate() {
             let clock_s = member.clock_s();
-            if (clock_s - end_s).abs() > 5.0 * SLOT_S {
+            if clock_s.is_nan() || (clock_s - end_s).abs() > 5.0 * SLOT_S {
                 self.findings.push(Finding::WrongClock { vehicle: number, clock_s });
             }
         }

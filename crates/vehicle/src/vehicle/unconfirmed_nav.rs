@@ -1,4 +1,4 @@
-//! [`AfterGap`]: navigation whose time a later report must confirm.
+//! [`UnconfirmedNav`]: navigation whose time a later report must confirm.
 
 use pingmap_agent::{Agent, Position};
 
@@ -6,7 +6,7 @@ use crate::protocol::input::Nav;
 
 /// The first navigation after a start or gap, or far behind the clock. Its time may be wrong. A later time confirms it.
 #[derive(Debug, Clone)]
-pub(crate) struct AfterGap {
+pub(crate) struct UnconfirmedNav {
     pub(crate) nav: Nav,
     /// Its position on the chart.
     pub(crate) position: Position,
