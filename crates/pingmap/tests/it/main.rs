@@ -14,6 +14,7 @@ mod documentation;
 mod documents;
 mod evaluation;
 mod film;
+mod fleet;
 mod help;
 mod hostile_files;
 mod import;

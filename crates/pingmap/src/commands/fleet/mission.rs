@@ -121,10 +121,6 @@ impl<'a> Mission<'a> {
                 let not = Some("after the mission".to_owned());
                 let from = last.time_s + self.setup.team.slots.duration_s;
                 self.tell(id, &Input::Listening(Listening { from, to: time_s, not }))?;
-                // The clock follows the second message after a gap.
-                for _ in 0..2 {
-                    self.tell(id, &Input::Listening(Listening { from: time_s, to: time_s, not: None }))?;
-                }
             }
             self.collect()?;
             self.note_known(1.0, time_s)?;

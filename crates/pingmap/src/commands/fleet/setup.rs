@@ -42,14 +42,17 @@ impl Setup {
         let mut configs = BTreeMap::new();
         for (number, id) in team.members.iter() {
             let config = folder.join(format!("vehicle-{number}.toml"));
-            write_file(&config, config_text(*number, id, traffic.slot_every.is_some()).as_bytes())?;
+            write_file(
+                &config,
+                config_text(*number, id, team.slots.duration_s, traffic.slot_every.is_some()).as_bytes(),
+            )?;
             configs.insert(id.clone(), config);
         }
         Ok(Self { team, configs, _temporary: temporary })
     }
 }
 
-fn config_text(number: u8, id: &VehicleId, sends_frames: bool) -> String {
+fn config_text(number: u8, id: &VehicleId, slot_s: f64, sends_frames: bool) -> String {
     // Every own transmission of the log is reported. Names of vehicles may not be valid in file names.
     let lines = [
         "schema = 1".to_owned(),
@@ -58,6 +61,8 @@ fn config_text(number: u8, id: &VehicleId, sends_frames: bool) -> String {
         format!("store.path = \"vehicle-{number}.redb\""),
         format!("store.snapshot = \"vehicle-{number}.snapshot\""),
         "navigation.interval_s = 0.0".to_owned(),
+        // The clock moves from slot to slot. A few slots may have no event.
+        format!("clock.gap_s = {:?}", (3.0 * slot_s).max(30.0)),
         // All receptions of a slot arrive before the next slot. Slots that are counted later are predicted with the
         // frames of later slots, too.
         "slots.settle_s = 0.0".to_owned(),
