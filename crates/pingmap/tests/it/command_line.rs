@@ -48,9 +48,10 @@ fn a_report_draws_the_sent_inducing_points() {
 #[test]
 fn results_do_not_depend_on_the_number_of_threads() {
     let folder = tempfile::tempdir().unwrap();
+    file(folder.path(), "events.csv", log(&["a", "b"], 120));
     let run = |threads| {
-        let mut object = json(folder.path(), &["demo", "--json", "--threads", threads, "--overwrite"]);
-        assert_eq!(object["command"][3], threads);
+        let mut object = json(folder.path(), &["replay", "events.csv", "--json", "--threads", threads]);
+        assert_eq!(object["command"][4], threads);
         object.as_object_mut().unwrap().remove("command");
         object
     };

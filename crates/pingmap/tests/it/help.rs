@@ -81,11 +81,10 @@ fn the_list_of_commands_is_complete() {
 fn printed_tables_fit_in_100_columns() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    file(folder, "log.csv", pingmap_trial::built_in("bay3").unwrap().unwrap().to_csv());
+    printed(folder, "simulate --slots 100 -o log.csv");
     let track = "x,y,name\n100,100,the place near the quay of the harbour\n900,900,b\n500,900,c\n";
     file(folder, "track.csv", track);
     for command in [
-        "demo",
         "check log.csv",
         "learn log.csv --test-share 0.3",
         "replay log.csv --model model.toml --repeats 2 --compare --calibration",
