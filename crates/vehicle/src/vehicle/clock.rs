@@ -8,7 +8,7 @@ use crate::protocol::fault::{Fault, FaultCode};
 use crate::protocol::input::Nav;
 use crate::protocol::output::Message;
 use crate::vehicle::copies::Copies;
-use crate::vehicle::ledger::{Jump, LEAD_S_MAX, LedgerRecord, NO_INPUT, NOT_RUNNING};
+use crate::vehicle::ledger::{Jump, LEAD_S_MAX, LedgerRecord, NO_INPUT, NOT_RUNNING, WRONG_CLOCK};
 use crate::vehicle::state::Vehicle;
 use crate::vehicle::unconfirmed_nav::UnconfirmedNav;
 
@@ -84,13 +84,15 @@ impl Vehicle {
         let mut deaf_to_s = time_s;
         let slots = &self.agent.team().slots;
         let from_s = self.ledger.clock_s().unwrap_or(f64::MIN);
-        let mut jump = Jump { from_s, to_s: time_s, next: slots.number(from_s).map_or(0, |slot| slot + 1) };
+        let next = slots.number(from_s).map_or(0, |slot| slot + 1).max(self.ledger.next());
+        let mut jump = Jump { from_s, to_s: time_s, next };
         if time_s < from_s {
             jump = self.ledger.find_jump(time_s, self.config.clock.gap_s).ok_or_else(|| {
                 let expected = format!("after {from_s}, the time of the clock, because slots count only once");
                 Fault::of_field(FaultCode::WrongTime, "time", time_s, expected)
             })?;
             deaf_to_s = confirmed_s;
+            self.change_ledger(LedgerRecord::Handled { time_s: from_s });
             self.change_ledger(LedgerRecord::WentBack { jump });
             self.copies = Copies::default();
             self.arrivals_s.clear();
@@ -102,14 +104,13 @@ impl Vehicle {
             None => {
                 let next = slots.number(time_s).unwrap_or(0);
                 self.change_ledger(LedgerRecord::Settled { next, excluded: BTreeMap::new() });
-                (f64::MIN, NOT_RUNNING)
+                (f64::MIN, if deaf_to_s > time_s { WRONG_CLOCK } else { NOT_RUNNING })
             }
-            // Receptions in slots that were not counted before the restart may be lost.
-            Some(clock_s) if self.is_starting => {
+            // Receptions in slots that were not counted before the gap may be lost, or arrive after it.
+            Some(clock_s) => {
                 let begin_s = slots.begin_s(self.ledger.next()).unwrap_or(clock_s);
-                (begin_s.min(clock_s), NOT_RUNNING)
+                (begin_s.min(clock_s), if self.is_starting { NOT_RUNNING } else { NO_INPUT })
             }
-            Some(clock_s) => (clock_s, NO_INPUT),
         };
         self.is_starting = false;
         self.change_ledger(LedgerRecord::Deaf { from_s, to_s: deaf_to_s, reason: reason.into() });

@@ -14,7 +14,8 @@ const HEARD_KEPT: u32 = 64;
 /// Longest lead of a time over the clock, in seconds: one day.
 pub(crate) const LEAD_S_MAX: f64 = 86_400.0;
 
-/// Jumps of the clock that are stored, at most. The shortest are forgotten.
+/// Jumps of the clock that are stored, at most, and intervals that were counted ahead. The shortest jumps and the
+/// earliest intervals are forgotten.
 const JUMPS_MAX: usize = 100;
 
 /// Reason of slots before the first report, and during a pause of the process or of its host.
@@ -23,8 +24,8 @@ pub(crate) const NOT_RUNNING: &str = "the vehicle was not running";
 /// Reason of slots in a gap between reports.
 pub(crate) const NO_INPUT: &str = "no input from the host";
 
-/// Reason of slots that were counted while the clock was ahead.
-const WRONG_TIME: &str = "counted at a wrong time";
+/// Reason of slots that were counted while the clock was ahead, and of slots before it went back.
+pub(crate) const WRONG_CLOCK: &str = "the clock was wrong";
 
 /// Different reasons that are counted. Further ones are counted as other reasons.
 const REASONS_MAX: usize = 32;
@@ -122,12 +123,12 @@ impl Ledger {
                 self.sent = self.sent.split_off(&self.next);
             }
             LedgerRecord::Jumped { jump } => {
-                self.jumps.push(*jump);
-                if self.jumps.len() > JUMPS_MAX {
+                if self.jumps.len() >= JUMPS_MAX {
                     let length_s = |index: &usize| self.jumps[*index].to_s - self.jumps[*index].from_s;
                     let shortest = (0..self.jumps.len()).min_by(|a, b| length_s(a).total_cmp(&length_s(b)));
                     shortest.map(|index| self.jumps.remove(index));
                 }
+                self.jumps.push(*jump);
             }
             LedgerRecord::WentBack { jump } => self.go_back(*jump),
             LedgerRecord::Handled { time_s } => {
@@ -141,12 +142,18 @@ impl Ledger {
     fn go_back(&mut self, jump: Jump) {
         let Self { clock_s, mut jumps, mut counted_ahead, mut deaf, mut deaf_since_s, mut listened, excluded, .. } =
             std::mem::take(self);
-        let end_s = jumps.iter().map(|jump| jump.from_s).chain(clock_s).fold(jump.to_s, f64::max);
-        counted_ahead.push((jump.to_s, end_s));
+        let mut begin_s = jump.to_s;
+        for later in jumps.iter().filter(|later| later.from_s >= jump.to_s) {
+            counted_ahead.push((begin_s, later.from_s));
+            begin_s = later.to_s;
+        }
+        counted_ahead.extend(clock_s.map(|clock_s| (begin_s, clock_s)));
+        counted_ahead.sort_by(|a, b| a.1.total_cmp(&b.1));
         counted_ahead.drain(..counted_ahead.len().saturating_sub(JUMPS_MAX));
         jumps.retain(|earlier| earlier.to_s < jump.to_s);
         // The gap before the wrong time was none.
-        deaf.retain(|(from_s, _, reason)| *from_s < jump.to_s && reason != NO_INPUT && reason != NOT_RUNNING);
+        let is_gap = |reason: &str| [NO_INPUT, NOT_RUNNING, WRONG_CLOCK].contains(&reason);
+        deaf.retain(|(from_s, _, reason)| *from_s < jump.to_s && !is_gap(reason));
         listened.retain(|(from_s, _)| *from_s < jump.to_s);
         // Their begin may be wrong.
         deaf_since_s.values_mut().for_each(|from_s| *from_s = f64::MIN);
@@ -174,8 +181,10 @@ impl Ledger {
     /// Forgets intervals that end before the first slot that is not counted.
     pub(crate) fn forget_intervals(&mut self, slots: &Slots) {
         let Some(begin_s) = slots.begin_s(self.next) else { return };
-        self.deaf.retain(|(_, to_s, _)| *to_s >= begin_s);
-        self.listened.retain(|(_, to_s)| *to_s >= begin_s);
+        // The clock may go back to a jump.
+        let is_in_jump = |to_s: f64| self.jumps.iter().any(|jump| (jump.from_s..jump.to_s).contains(&to_s));
+        self.deaf.retain(|(_, to_s, _)| *to_s >= begin_s || is_in_jump(*to_s));
+        self.listened.retain(|(_, to_s)| *to_s >= begin_s || is_in_jump(*to_s));
     }
 
     /// Returns the time of the clock; `None` before the first report.
@@ -238,7 +247,7 @@ impl Ledger {
     /// Returns why the vehicle could not receive during a whole interval; `None` if it could.
     pub(crate) fn deafness(&self, (begin_s, end_s): (f64, f64), listens: bool) -> Option<String> {
         if self.counted_ahead.iter().any(|(from_s, to_s)| *from_s < end_s && *to_s > begin_s) {
-            return Some(WRONG_TIME.into());
+            return Some(WRONG_CLOCK.into());
         }
         if let Some(reason) = self.deaf_in((begin_s, end_s)).next() {
             return Some(reason.into());

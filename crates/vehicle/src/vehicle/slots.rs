@@ -6,7 +6,7 @@ use pingmap_agent::{AgentError, Event, Link, VehicleId, Which};
 
 use crate::protocol::fault::{Fault, FaultCode};
 use crate::protocol::output::{LearnedEvent, Message};
-use crate::vehicle::ledger::{LedgerRecord, NO_INPUT, NOT_RUNNING, SlotOutcome, span_s};
+use crate::vehicle::ledger::{LedgerRecord, NO_INPUT, NOT_RUNNING, SlotOutcome, WRONG_CLOCK, span_s};
 use crate::vehicle::record::Record;
 use crate::vehicle::state::Vehicle;
 use crate::vehicle::trust::Score;
@@ -79,7 +79,7 @@ impl Vehicle {
     /// Tells the team that an own slot was not used.
     fn count_own_slot(&mut self, slot: u32, span_s: (f64, f64)) {
         let is_open = self.open_frames.values().any(|&expected| expected == Some(slot));
-        let was_running = !self.ledger.is_deaf_for(&[NOT_RUNNING, NO_INPUT], span_s);
+        let was_running = !self.ledger.is_deaf_for(&[NOT_RUNNING, NO_INPUT, WRONG_CLOCK], span_s);
         if self.config.slots.reports_transmissions && was_running && !is_open && !self.ledger.has_sent(slot) {
             let entries = self.agent.record_unused_slots([span_s.0]).unwrap_or_default();
             self.records.extend(entries.into_iter().map(Record::Entry));
