@@ -9,8 +9,8 @@ use crate::store::locked_file::LockedFile;
 use crate::store::tables::{Contents, write_base, write_identity};
 use crate::store::verification::Verified;
 
-/// Assigns a store to another team configuration, and returns its former identity. `convert` receives the former
-/// identity and the content, and returns the base for the new configuration. Identity and base change in one
+/// Assigns a store to another team configuration, and returns its former identity. The function `convert` makes the
+/// base for the new configuration from the old identity and the content. Identity and base change in one
 /// transaction. Nothing changes if the identity is the same.
 ///
 /// The vehicle must be the same: the entries of one vehicle are wrong in the store of another.

@@ -137,8 +137,8 @@ impl Ledger {
         }
     }
 
-    /// Begins a new count after the clock was ahead since a jump. No slot counts twice. Reports about the time before
-    /// the end of the jump stay, and reasons that last.
+    /// Restarts the count at a jump after which the clock was ahead. No slot counts twice. Reports about the time
+    /// before the end of the jump stay, and reasons that last.
     fn go_back(&mut self, jump: Jump) {
         let Self { clock_s, mut jumps, mut counted_ahead, mut deaf, mut deaf_since_s, mut listened, excluded, .. } =
             std::mem::take(self);
@@ -239,14 +239,14 @@ impl Ledger {
     }
 
     /// Returns the reasons of intervals in which the vehicle could not receive, and that overlap with an interval.
-    fn deaf_in(&self, (begin_s, end_s): (f64, f64)) -> impl Iterator<Item = &str> {
-        let overlapping = self.deaf.iter().filter(move |(from_s, to_s, _)| *from_s < end_s && *to_s > begin_s);
+    fn deaf_in(&self, span_s: (f64, f64)) -> impl Iterator<Item = &str> {
+        let overlapping = self.deaf.iter().filter(move |(from_s, to_s, _)| overlap((*from_s, *to_s), span_s));
         overlapping.map(|(.., reason)| reason.as_str())
     }
 
     /// Returns why the vehicle could not receive during a whole interval; `None` if it could.
     pub(crate) fn deafness(&self, (begin_s, end_s): (f64, f64), listens: bool) -> Option<String> {
-        if self.counted_ahead.iter().any(|(from_s, to_s)| *from_s < end_s && *to_s > begin_s) {
+        if self.counted_ahead.iter().any(|&interval_s| overlap(interval_s, (begin_s, end_s))) {
             return Some(WRONG_CLOCK.into());
         }
         if let Some(reason) = self.deaf_in((begin_s, end_s)).next() {
@@ -285,6 +285,11 @@ impl Ledger {
 pub(crate) fn span_s(slots: &Slots, slot: u32) -> Option<(f64, f64)> {
     let begin_s = slots.begin_s(slot)?;
     Some((begin_s, slots.next_begin_s(slot).unwrap_or(begin_s + slots.duration_s)))
+}
+
+/// Returns whether two intervals have more than an end in common.
+fn overlap(a: (f64, f64), b: (f64, f64)) -> bool {
+    a.0 < b.1 && a.1 > b.0
 }
 
 /// Returns the text of a reason, shortened.
