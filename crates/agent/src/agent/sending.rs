@@ -64,7 +64,8 @@ impl Agent {
         Ok(Some(proposed))
     }
 
-    /// Records that a proposed frame left at a time. Returns the entry for the journal of the host.
+    /// Records that a proposed frame left at a time. Returns the entry for the journal of the host. The entry contains
+    /// the slot of the time. The time itself only advances the clock.
     ///
     /// # Errors
     /// [`AgentError::NoSuchFrame`] for a number that [`Agent::next_frame`] did not return, or whose frame is not stored

@@ -24,7 +24,8 @@ impl Agent {
     /// Returns everything that the vehicle must not lose. The snapshot contains events, outcomes, positions, received
     /// and sent frames, piggybacked outcomes and unused slots. It also contains muted members, the latest counter of
     /// each sender, and the clock. A learned model and the counts are not part of it. The snapshot ends with a
-    /// checksum, which is keyed where the team has a key. It depends on the set of entries, not on their order.
+    /// checksum, which is keyed where the team has a key. Vehicles with the same entries, clock, latest counters and
+    /// muted members have equal snapshots, whatever the order of the entries.
     pub fn snapshot(&self) -> Vec<u8> {
         let mut out = Writer::default();
         MAGIC.iter().for_each(|&byte| out.u8(byte));
