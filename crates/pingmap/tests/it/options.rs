@@ -245,8 +245,7 @@ const IMPORT: &[Case] = &[
 
 const IMPORT_EVENTS: &[Case] = &[("--events", "other-table.csv", ""), ("--time-zone", "+02:00", "")];
 
-const REPRODUCE: &[Case] =
-    &[("--data", "events.csv", ""), ("--permutations", "3", ""), ("--seed", "9", ""), ("--json", "", "")];
+const REPRODUCE: &[Case] = &[("--seed", "9", ""), ("--json", "", ""), ("--out", "page", "")];
 
 const TEAM: &[Case] = &[
     ("--model", "other.toml", ""),
@@ -310,8 +309,8 @@ fn commands() -> Vec<(&'static str, Vec<&'static [Case]>)> {
             vec![IMPORT],
         ),
         ("import --events table.csv --output imported.csv", vec![IMPORT_EVENTS]),
-        ("reproduce local --permutations 2", vec![REPRODUCE]),
-        ("reproduce points --permutations 2", vec![&[("--out", "page", "")]]),
+        ("reproduce local --permutations 1", vec![&[("--data", "events.csv", ""), ("--permutations", "2", "")]]),
+        ("reproduce points --permutations 2", vec![REPRODUCE]),
         ("team events.csv --output new-team.toml", vec![TEAM]),
         ("packet decode PACKET", vec![DECODE]),
         ("packet encode packet.json", vec![ENCODE]),
