@@ -12,7 +12,8 @@ import time
 
 from acomms.micromodem import Micromodem
 from acomms.unifiedlog import UnifiedLog
-from pingmap_process import Pingmap, own_slots, read_toml
+from configuration import modem_ids, own_slots
+from pingmap_process import Pingmap
 
 BROADCAST, RATE, FRAME_BYTES = 15, 0, 32
 
@@ -22,8 +23,7 @@ class Bridge(logging.Handler):
 
     def __init__(self, port, config, log_folder=".", on_message=None):
         super().__init__()
-        self.ids, self.slots = read_toml(config)["modem_ids"], own_slots(config)
-        self.own = next(number for number, name in self.ids.items() if name == read_toml(config)["vehicle"])
+        (self.ids, self.own), self.slots = modem_ids(config), own_slots(config)
         self.frame, self.is_loaded, self.begin_s = None, False, None
         self.pingmap = Pingmap(config, on_message)
         log = UnifiedLog(log_path=log_folder, rootname="micromodem", custom_handler=self)
@@ -76,5 +76,5 @@ if __name__ == "__main__":
     if "--listen-only" not in sys.argv:
         threading.Thread(target=bridge.send_frames, daemon=True).start()
     for line in sys.stdin:
-        bridge.pingmap.send(json.loads(line))
+        bridge.pingmap.send_line(line)
     bridge.pingmap.stop()

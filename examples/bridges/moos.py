@@ -36,7 +36,7 @@ class Bridge:
             elif name == "NODE_REPORT":
                 self.locate_peer(time_s, mail.string())
             elif name == "PINGMAP_IN":
-                self.pingmap.send(json.loads(mail.string()))
+                self.pingmap.send_line(mail.string())
             else:
                 self.pingmap.send({"type": "nmea", "time": time_s, "sentence": mail.string()})
         return True

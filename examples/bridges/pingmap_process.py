@@ -5,12 +5,6 @@ import os
 import queue
 import subprocess
 import threading
-from pathlib import Path
-
-try:
-    import tomllib
-except ImportError:  # Python 3.10
-    import tomli as tomllib
 
 # Every line has one closing answer. An acknowledgement closes only these messages.
 CLOSED_BY_ACKNOWLEDGEMENT = {"frame_in", "piggyback_in"}
@@ -39,6 +33,18 @@ class Pingmap:
             self.process.stdin.flush()
         return answer
 
+    def send_line(self, line):
+        """Writes a line from outside. A line that is no message gets an error, and the bridge continues."""
+        try:
+            message = json.loads(line)
+            if not isinstance(message.get("type"), str):
+                raise ValueError('no "type"')
+        except (ValueError, AttributeError) as error:
+            if self.on_message:
+                self.on_message(line, {"type": "error", "code": "not_json", "message": f"not a message: {error}"})
+        else:
+            self.send(message)
+
     def call(self, message, timeout_s=60):
         """Writes one line and waits for its closing answer."""
         return self.send(message).get(timeout=timeout_s)
@@ -64,15 +70,3 @@ class Pingmap:
         self.process.wait(timeout=60)
         self.reader.join()
         return stopped
-
-
-def read_toml(path):
-    return tomllib.loads(Path(path).read_text())
-
-
-def own_slots(config):
-    """Returns the begin, the period and the duration of the vehicle's slots in seconds, from the team file."""
-    settings = read_toml(config)
-    slots = read_toml(Path(config).parent / settings["team"])["slots"]
-    duration_s, order = slots["duration_s"], slots["order"]
-    return slots["start_s"] + order.index(settings["vehicle"]) * duration_s, len(order) * duration_s, duration_s

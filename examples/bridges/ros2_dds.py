@@ -43,7 +43,7 @@ class Bridge:
             for name, kind, qos, function in (
                 ("rt/fix", NavSatFix, SENSOR, self.absorb_fix),
                 ("rt/odom", Odometry, SENSOR, self.absorb_odometry),
-                ("rt/pingmap/in", String, RELIABLE, lambda line: self.pingmap.send(json.loads(line.data))),
+                ("rt/pingmap/in", String, RELIABLE, lambda line: self.pingmap.send_line(line.data)),
             )
         ]
 

@@ -12,7 +12,8 @@ import tty
 from functools import reduce
 
 import pytest
-from pingmap_process import Pingmap, own_slots
+from configuration import own_slots
+from pingmap_process import Pingmap
 
 pytestmark = pytest.mark.skipif(not os.environ.get("PINGMAP"), reason="PINGMAP does not name the program")
 
@@ -172,6 +173,10 @@ def test_the_shared_client_greets_calls_and_stops(config, start_s):
     assert (pingmap.hello["vehicle"], pingmap.hello["version"]) == ("auv2", 1)
     feed_history(pingmap, start_s)
     assert pingmap.call({"type": "no such"})["code"] == "unknown_type"
+    for line in ("{", "[]", '{"type": 5}', '{"time": 1}'):
+        pingmap.send_line(line)
+        assert record.all[-1][0] == line and record.all[-1][1]["code"] == "not_json"
+    pingmap.send_line('{"type": "status"}')
     assert pingmap.call({"type": "status"})["store"] == {"state": "stored"}
     assert pingmap.stop()["inputs"] == pingmap.lines
     assert pingmap.process.returncode == 0
