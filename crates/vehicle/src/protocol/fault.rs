@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 pub enum FaultCode {
     /// The line is longer than 64 KiB.
     LineTooLong,
-    /// The line is not a JSON object, or has invalid UTF-8.
+    /// The line is not a JSON object, has a key twice, or has invalid UTF-8.
     NotJson,
     /// The type of the message is unknown or missing.
     UnknownType,

@@ -7,6 +7,7 @@ use serde_json::Value;
 use crate::protocol::fault::{Fault, FaultCode};
 use crate::protocol::input::Input;
 use crate::protocol::output::Message;
+use crate::protocol::unique_keys::UniqueKeys;
 
 /// Longest line in bytes, without its end.
 pub const LINE_BYTES_MAX: usize = 64 * 1024;
@@ -59,7 +60,7 @@ pub fn read_line(line: &[u8]) -> Result<Input, Fault> {
     if line.len() > LINE_BYTES_MAX {
         return Err(too_long(line.len()));
     }
-    let value: Value = serde_json::from_slice(line)
+    let UniqueKeys(value) = serde_json::from_slice(line)
         .map_err(|error| Fault::new(FaultCode::NotJson, format!("the line is not JSON: {error}")))?;
     let Value::Object(mut fields) = value else {
         return Err(Fault::new(FaultCode::NotJson, "the line is JSON, but not an object"));
@@ -119,5 +120,26 @@ mod tests {
         assert_eq!(wrong.found.as_deref(), Some("invalid type: string \"noon\""));
         assert_eq!(wrong.expected.as_deref(), Some("f64"));
         assert_eq!(wrong.message, "time: invalid type: string \"noon\", expected f64");
+    }
+
+    #[test]
+    fn a_repeated_key_is_refused_at_every_depth() {
+        for line in [
+            r#"{"type":"nav","time":1,"time":2,"position":{"x":1,"y":2}}"#,
+            r#"{"type":"nav","time":1,"position":{"x":1,"y":2,"x":1}}"#,
+            r#"{"type":"predict","links":[{"from":"a","to":"b","to":"c"}]}"#,
+            r#"{"type":"status","type":"stop"}"#,
+        ] {
+            let fault = read_line(line.as_bytes()).unwrap_err();
+            assert_eq!(fault.code, FaultCode::NotJson, "{line}");
+            assert!(fault.message.contains("is repeated at line 1 column"), "{}", fault.message);
+        }
+    }
+
+    #[test]
+    fn values_are_read_as_by_the_library() {
+        let line = r#"{"a":[null,true,-1,18446744073709551615,1.5e300,"\u00e9\n",{"b":{}}],"c":-0.0,"d":1e-7}"#;
+        let UniqueKeys(value) = serde_json::from_str(line).unwrap();
+        assert_eq!(value, serde_json::from_str::<Value>(line).unwrap());
     }
 }

@@ -9,4 +9,5 @@ pub(crate) mod hex;
 pub(crate) mod input;
 pub(crate) mod fault;
 pub(crate) mod output;
+pub(crate) mod unique_keys;
 pub(crate) mod line;
