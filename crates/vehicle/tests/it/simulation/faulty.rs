@@ -20,6 +20,8 @@ pub enum Sabotage {
     HideMisses,
     /// All other members report reversed outcomes, and no vehicle excludes any.
     TrustLiars,
+    /// The clocks of all hosts are three hours ahead again and again, and at the end.
+    AdvanceClocks,
     /// The first vehicle mutes the second one.
     Mute,
     /// The first vehicle does not receive the frames of the second one.

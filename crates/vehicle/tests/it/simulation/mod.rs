@@ -4,7 +4,8 @@
 //! crash at any write, lose or tear unsynced writes, and fill up. Clocks jump and drift. Slots stay unused, frames
 //! expire, and one member is faulty. Checkers compare the vehicles with the state of the world.
 //!
-//! `VEHICLE_SEEDS=10000 cargo nextest run --release -p pingmap-vehicle simulation` runs more seeds.
+//! `VEHICLE_SEEDS=10000 cargo nextest run --release -p pingmap-vehicle simulation` runs more seeds, and
+//! `VEHICLE_SEEDS=200..10000` those from 200 on.
 
 mod checks;
 mod faulty;
@@ -24,8 +25,10 @@ const SEEDS: u64 = 200;
 const HARM_MAX: f64 = 0.002;
 
 fn seeds() -> std::ops::Range<u64> {
-    let count = std::env::var("VEHICLE_SEEDS").ok().and_then(|count| count.parse().ok());
-    0..count.unwrap_or(SEEDS)
+    let Ok(seeds) = std::env::var("VEHICLE_SEEDS") else { return 0..SEEDS };
+    let (first, end) = seeds.split_once("..").unwrap_or(("0", &seeds));
+    let number = |text: &str| text.parse().expect("VEHICLE_SEEDS is a number or a range");
+    number(first)..number(end)
 }
 
 /// Runs these seeds with a planted fault.
@@ -93,6 +96,8 @@ fn every_checker_catches_a_planted_fault() {
         (Sabotage::LeakKey, |finding| matches!(finding, Finding::AcceptedForgery { .. })),
         (Sabotage::ReuseCounters, |finding| matches!(finding, Finding::ReusedCounter { .. })),
         (Sabotage::RaiseLimit, |finding| matches!(finding, Finding::OverLimit { .. })),
+        (Sabotage::AdvanceClocks, |finding| matches!(finding, Finding::Refused { .. })),
+        (Sabotage::AdvanceClocks, |finding| matches!(finding, Finding::WrongClock { .. })),
     ] {
         let runs = runs(0..12, sabotage);
         assert!(findings(&runs).iter().any(|(_, finding)| is_expected(finding)), "{sabotage:?}");

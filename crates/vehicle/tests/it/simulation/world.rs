@@ -142,8 +142,11 @@ impl World {
     /// Returns the time that the clock of a member shows.
     fn clock_s(&self, member: usize, slot: usize, time_s: f64) -> f64 {
         let (offset_s, drift) = self.clocks[member];
-        let jumped = self.fault_of(member) == Fault::ClockJump && (20..23).contains(&slot);
-        time_s + offset_s + drift * time_s + if jumped { 3.0 * 3600.0 } else { 0.0 }
+        let is_ahead = match self.sabotage {
+            Sabotage::AdvanceClocks => slot / 6 % 2 == 1 || slot >= SLOTS,
+            _ => self.fault_of(member) == Fault::ClockJump && (20..23).contains(&slot),
+        };
+        time_s + offset_s + drift * time_s + if is_ahead { 3.0 * 3600.0 } else { 0.0 }
     }
 
     fn submit(&mut self, member: usize, slot: usize, input: Input) -> Vec<Message> {
