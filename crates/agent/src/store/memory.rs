@@ -25,8 +25,8 @@ use crate::store::slot_evidence::SlotEvidence;
 use crate::track::position_track::Track;
 use crate::types::event::{Event, Position, VehicleId};
 
-/// Events, positions, packets and reports. It depends on the set of entries, the clock, the latest
-/// counters and the muted members. The order of the entries does not matter.
+/// Events, positions, packets and reports. It depends on the set of entries, the clock, the latest counters
+/// and the muted members. The order of the entries does not matter.
 #[derive(Debug, Clone)]
 pub(crate) struct Memory {
     pub(crate) codec: TeamCodec,

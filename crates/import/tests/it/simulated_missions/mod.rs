@@ -87,24 +87,26 @@ fn inverting_all_outcomes_of_many_missions_changes_few_inclusions() {
 
 #[test]
 fn inverting_one_outcome_never_changes_its_own_inclusion() {
-    let (changed, total) = own_inclusions_changed(1, 12);
+    let (changed, total) = own_inclusions_changed(0..1, 12);
     assert!(changed == 0 && total > 100, "{changed} of {total}");
 }
 
 #[test]
 #[ignore = "many missions; run by .ci/full"]
 fn inverting_one_outcome_of_many_missions_rarely_changes_its_own_inclusion() {
-    let (changed, total) = own_inclusions_changed(4, 9);
+    let [first, others] = [0..2, 2..4].map(|seeds| own_inclusions_changed(seeds, 9));
+    assert_eq!(first.0, 0);
+    let (changed, total) = (first.0 + others.0, first.1 + others.1);
     eprintln!("{changed} of {total} opportunities change their own inclusion");
     // A reception moves the estimated delay of its pair, and with it an opportunity next to a limit.
     assert!(1000 * changed <= total, "{changed} of {total}");
 }
 
-/// Inverts every `step`th outcome of these many missions of each kind, one at a time. Returns how many of them change
-/// their own inclusion, and how many were inverted.
-fn own_inclusions_changed(missions: u64, step: usize) -> (usize, usize) {
+/// Inverts every `step`th outcome of missions of each kind, one at a time. Returns how many of them change their own
+/// inclusion, and how many were inverted.
+fn own_inclusions_changed(seeds: std::ops::Range<u64>, step: usize) -> (usize, usize) {
     let (mut changed, mut total) = (0, 0);
-    for (kind, seed) in MissionKind::ALL.into_iter().flat_map(|kind| (0..missions).map(move |seed| (kind, seed))) {
+    for (kind, seed) in MissionKind::ALL.into_iter().flat_map(|kind| seeds.clone().map(move |seed| (kind, seed))) {
         let mission = Mission::new(kind, seed, false);
         let recorded = inclusions(&mission, &mission.opportunities);
         let indices = (0..mission.opportunities.len()).step_by(step);

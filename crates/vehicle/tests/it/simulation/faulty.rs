@@ -36,7 +36,7 @@ pub enum Fault {
     Deaf,
     /// It reports that it heard everything.
     AllHeard,
-    /// It reports the reverse of what it heard.
+    /// It reports the opposite of every outcome.
     Inverted,
     /// Its positions are wrong by 300 metres.
     WrongDatum,

@@ -21,7 +21,7 @@ use self::world::{Run, World};
 /// Seeds of the normal test.
 const SEEDS: u64 = 200;
 
-/// Largest increase of the NLL of honest members by what they receive, in nats per event, over all runs.
+/// Largest increase of the NLL of honest members by received data, in nats per event, over all runs.
 const HARM_MAX: f64 = 0.002;
 
 fn seeds() -> std::ops::Range<u64> {
