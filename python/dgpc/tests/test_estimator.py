@@ -129,6 +129,11 @@ def test_sparse_forms_are_near_the_dense_form(data) -> None:
     learned = Classifier(inducing_points=20).fit(x, y)
     assert len(learned.inducing_points_) <= 20 and learned.score(x, y) > 0.8
     assert len(Classifier(inducing_points=500).fit(x, y).omega_) == 80
+    # The search uses given points, too: no other kernel is better for these points.
+    given = Classifier(inducing_points=x[::16]).fit(x, y)
+    np.testing.assert_array_equal(given.inducing_points_, x[::16])
+    other = Classifier(Classifier().fit(x, y).kernel_, optimizer=None, inducing_points=x[::16]).fit(x, y)
+    assert given.log_marginal_likelihood_value_ > other.log_marginal_likelihood_value_
     for bad in [0, -1, "three", x[:, :1], [1.0, 2.0], [[np.nan, 0.0]]]:
         with pytest.raises((ValueError, TypeError)):
             Classifier(inducing_points=bad).fit(x, y)

@@ -93,7 +93,8 @@ const RACE_MARGIN: f64 = 5.0;
 ///    one, or to one that is clearly worse than the best.
 /// 3. *Search.* There is a search on all events from each remaining start, and each end is calibrated. The result is
 ///    the end of the greatest corrected evidence ([`Fit::corrected_evidence`]) after calibration.
-/// 4. *Second round.* A sparse search is repeated with inducing points that suit the prior from the first round.
+/// 4. *Second round.* A sparse search is repeated with inducing points that suit the prior from the first round, unless
+///    [`LearnOptions::inducing_points`] gives the points.
 ///
 /// The search uses at most [`LearnOptions::search_events_max`] events. [`Learned::fit`] is the fit of all events.
 ///
@@ -168,7 +169,7 @@ fn learn_from_all(template: &Prior, observations: &Observations, options: &Learn
     let points = inducing_points(&again[0].with_length_scales_times(1.0 / 3.0)?, &likelihood, options)?;
     let is_sparse = points.is_some();
     let mut learned = learn_from(template, &again, &likelihood, points, options)?;
-    if is_sparse {
+    if is_sparse && options.inducing_points.is_none() {
         // Repeat the search with points that suit the learned prior.
         let points = inducing_points(&learned.optimum, &likelihood, options)?;
         let again = learn_from(template, std::slice::from_ref(&learned.optimum), &likelihood, points, options);
@@ -356,14 +357,23 @@ fn finish(search: &Search<'_>, found: SearchEnd, points: Option<&Inputs>, option
     Ok(End { learned, merit })
 }
 
-/// Returns inducing points for all events, or `None` if a dense fit is possible.
+/// Returns the given inducing points or chosen ones, followed by those of the messages. Returns `None` if none are
+/// given and a dense fit is possible.
+fn inducing_points(prior: &Prior, likelihood: &Likelihood<'_>, options: &LearnOptions<'_>) -> Result<Option<Inputs>> {
+    let mut points = match options.inducing_points {
+        Some(points) => points.clone(),
+        None if likelihood.events() <= options.dense_events_max => return Ok(None),
+        None => chosen_points(prior, likelihood, options)?,
+    };
+    options.messages.iter().try_for_each(|message| points.append(message.inducing_points()))?;
+    Ok(Some(points))
+}
+
+/// Chooses inducing points among the events.
 ///
 /// The points suit the prior. If it needs fewer points than allowed, the points suit shorter length-scales instead. A
 /// prior that is too smooth needs few points, and with few points shorter length-scales could not be found.
-fn inducing_points(prior: &Prior, likelihood: &Likelihood<'_>, options: &LearnOptions<'_>) -> Result<Option<Inputs>> {
-    if likelihood.events() <= options.dense_events_max {
-        return Ok(None);
-    }
+fn chosen_points(prior: &Prior, likelihood: &Likelihood<'_>, options: &LearnOptions<'_>) -> Result<Inputs> {
     let inputs = likelihood.observations.inputs();
     let candidates = inputs.select(&spread_out(inputs.len(), options.inducing_points_max.saturating_mul(4)));
     let choose = |factor: f64| -> Result<Vec<usize>> {
@@ -376,9 +386,7 @@ fn inducing_points(prior: &Prior, likelihood: &Likelihood<'_>, options: &LearnOp
             chosen = choose(factor)?;
         }
     }
-    let mut points = candidates.select(&chosen);
-    options.messages.iter().try_for_each(|message| points.append(message.inducing_points()))?;
-    Ok(Some(points))
+    Ok(candidates.select(&chosen))
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ use std::ops::ControlFlow;
 use super::bounds::{self, Bounds};
 use super::hyper_prior::HyperPrior;
 use crate::error::{Result, not_negative, positive, same_size};
+use crate::inputs::Inputs;
 use crate::monitor::{Monitor, Progress};
 use crate::prior::Prior;
 use crate::summary::Summary;
@@ -46,6 +47,9 @@ pub struct LearnOptions<'a> {
     /// Largest number M of inducing points of a sparse fit, chosen greedily among the events. The default is 256. The
     /// inducing points of the messages are added to them.
     pub inducing_points_max: usize,
+    /// Inducing points of all fits of the searched events, in place of the choice; none by default. With them, these
+    /// fits are sparse however few the events are. The inducing points of the messages are added to them.
+    pub inducing_points: Option<&'a Inputs>,
     /// Largest number of steps of a search. The default is 60.
     pub iterations_max: usize,
     /// A search ends when a step gains less than this, in nats an event. The default is 1e-7. A search also ends when
@@ -73,6 +77,7 @@ impl Default for LearnOptions<'_> {
             search_events_max: 4000,
             dense_events_max: 1200,
             inducing_points_max: 256,
+            inducing_points: None,
             iterations_max: 60,
             tolerance: 1e-7,
             calibrate: true,
@@ -140,6 +145,12 @@ impl<'a> LearnOptions<'a> {
     #[must_use]
     pub fn sparse_beyond(self, dense_events_max: usize, inducing_points_max: usize) -> Self {
         Self { dense_events_max, inducing_points_max, ..self }
+    }
+
+    /// Sets [`LearnOptions::inducing_points`].
+    #[must_use]
+    pub fn inducing_points(self, inducing_points: &'a Inputs) -> Self {
+        Self { inducing_points: Some(inducing_points), ..self }
     }
 
     /// Sets [`LearnOptions::iterations_max`].

@@ -252,10 +252,10 @@ class GaussianProcessClassifier(ClassifierMixin, BaseEstimator):
         if self.optimizer != L_BFGS:
             raise ValueError(f"optimizer must be {L_BFGS!r}, a callable or None, found {self.optimizer!r}")
         points = self._points(X)
-        sparse: dict[str, Any] = {}
-        if points is not None:
-            count = points if np.ndim(points) == 0 else len(points)
-            sparse = {"dense_events_max": count, "inducing_points_max": count}
+        is_number = points is not None and np.ndim(points) == 0
+        sparse: dict[str, Any] = {"inducing_points": None if is_number else points}
+        if is_number:
+            sparse |= {"dense_events_max": points, "inducing_points_max": points}
         learned = _dgpc.learn(
             translation.prior_at(starts[0]),
             X,
@@ -264,7 +264,7 @@ class GaussianProcessClassifier(ClassifierMixin, BaseEstimator):
             further_starts=[translation.prior_at(start) for start in starts[1:]],
             **sparse,
         )
-        return learned.fit if points is None else self._fitted(learned.prior, X, outcomes)
+        return self._fitted(learned.prior, X, outcomes) if is_number else learned.fit
 
     def _optimized(
         self, translation: Translation, starts: list[NDArray[np.float64]], X: NDArray[Any], outcomes: NDArray[Any]

@@ -422,6 +422,7 @@ def learn(
     search_events_max: int = 4000,
     dense_events_max: int = 1200,
     inducing_points_max: int = 256,
+    inducing_points: ArrayLike | None = None,
     iterations_max: int = 60,
     tolerance: float = 1e-7,
     calibrate: bool = True,

@@ -100,6 +100,8 @@ impl Learned {
 ///     Largest numbers of events when starts are compared, raced, and searched from.
 /// dense_events_max, inducing_points_max : int, optional
 ///     Beyond the first number of events, the search uses the second number of inducing points.
+/// inducing_points : array of shape (M, d), optional
+///     Inducing points of the search and of the fit, in place of a choice among the inputs.
 /// iterations_max : int, optional
 ///     Largest number of steps of a search.
 /// tolerance : float, optional
@@ -125,11 +127,11 @@ impl Learned {
 #[pyo3(signature = (template, x, y, *, weights=None, messages=vec![], hyper_prior=HashMap::new(), bounds=vec![],
                     warm_start=None, start=None, further_starts=vec![], start_events_max=Count(150), race_events_max=Count(500),
                     search_events_max=Count(4000), dense_events_max=Count(1200), inducing_points_max=Count(256),
-                    iterations_max=Count(60), tolerance=1e-7, calibrate=true, progress=None),
+                    inducing_points=None, iterations_max=Count(60), tolerance=1e-7, calibrate=true, progress=None),
        text_signature = "(template, x, y, *, weights=None, messages=(), hyper_prior={}, bounds=(), warm_start=None, start=None, \
                          further_starts=(), start_events_max=150, race_events_max=500, search_events_max=4000, \
-                         dense_events_max=1200, inducing_points_max=256, iterations_max=60, tolerance=1e-7, \
-                         calibrate=True, progress=None)")]
+                         dense_events_max=1200, inducing_points_max=256, inducing_points=None, iterations_max=60, \
+                         tolerance=1e-7, calibrate=True, progress=None)")]
 #[expect(clippy::too_many_arguments)]
 pub fn learn(
     py: Python<'_>,
@@ -148,6 +150,7 @@ pub fn learn(
     search_events_max: Count,
     dense_events_max: Count,
     inducing_points_max: Count,
+    inducing_points: Option<Points>,
     iterations_max: Count,
     tolerance: f64,
     calibrate: bool,
@@ -166,6 +169,7 @@ pub fn learn(
         search_events_max,
         dense_events_max,
         inducing_points_max,
+        inducing_points,
         iterations_max,
         tolerance,
         calibrate,

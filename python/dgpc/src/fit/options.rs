@@ -94,6 +94,7 @@ pub struct LearnArguments {
     pub search_events_max: Count,
     pub dense_events_max: Count,
     pub inducing_points_max: Count,
+    pub inducing_points: Option<Points>,
     pub iterations_max: Count,
     pub tolerance: f64,
     pub calibrate: bool,
@@ -133,9 +134,10 @@ pub fn with_learn_options<T: Send>(
     let hyper_prior = hyper_prior(&arguments.hyper_prior)?;
     let messages = references(&arguments.messages);
     let further: Vec<dgpc::Prior> = arguments.further_starts.iter().map(|start| start.get().0.clone()).collect();
+    let points = arguments.inducing_points.as_ref().map(|points| &points.0);
     let is_sparse = observations.len() > arguments.dense_events_max.0;
-    let points = is_sparse.then_some(arguments.inducing_points_max.0.min(observations.len()));
-    check_memory_of_fit(observations, &messages, points)?;
+    let chosen = is_sparse.then_some(arguments.inducing_points_max.0.min(observations.len()));
+    check_memory_of_fit(observations, &messages, points.map(dgpc::Inputs::len).or(chosen))?;
     let bounds: Vec<Bounds> = arguments.bounds.iter().map(|limits| limits.0).collect();
     watched(py, arguments.progress.as_ref(), |monitor| {
         let mut options = LearnOptions::default()
@@ -151,6 +153,7 @@ pub fn with_learn_options<T: Send>(
             .iterations_max(arguments.iterations_max.0)
             .tolerance(arguments.tolerance)
             .calibrate(arguments.calibrate);
+        options.inducing_points = points;
         options.warm_start = arguments.warm_start.as_ref().map(|start| &start.get().0);
         options.tilts = arguments.start.as_ref().map(|start| start.0.as_slice());
         compute(&options)

@@ -24,7 +24,7 @@ use std::sync::Arc;
 use super::mean_field::MeanField;
 use super::options::FitOptions;
 use crate::cross::KEPT_MAX;
-use crate::error::Result;
+use crate::error::{Result, same_size};
 use crate::inputs::Inputs;
 use crate::likelihood::Likelihood;
 use crate::prior::Prior;
@@ -61,6 +61,7 @@ fn run<'a>(
     options: &FitOptions<'a>,
 ) -> Result<(Shard<'a>, Iteration<'a>)> {
     options.check(likelihood.events())?;
+    same_size("input dimension", points.dimension(), likelihood.observations.inputs().dimension())?;
     let coordinator = Coordinator::new(prior, likelihood, points)?;
     let (inputs, cholesky) = (likelihood.observations.inputs(), Arc::clone(coordinator.cholesky()));
     let covariances = EventCovariances::new(prior, inputs, points, cholesky, KEPT_MAX)?;

@@ -70,6 +70,40 @@ fn a_sparse_warm_start_never_lowers_the_evidence() {
     }
 }
 
+#[test]
+fn a_search_on_given_inducing_points_ends_at_the_best_prior_for_these_points() {
+    for seed in 0..6 {
+        let template = &templates()[seed as usize % 3];
+        let events = waves(500 + seed, 80);
+        let message_of_peer = message(600 + seed);
+        let messages = [&message_of_peer];
+        let points = events.inputs().select(&(0..80).step_by(8).collect::<Vec<_>>());
+        let under = |prior: &Prior| {
+            let options = FitOptions::default().messages(&messages).inducing_points(&points);
+            dgpc::fit(prior, &events, &options).unwrap().evidence()
+        };
+        let weak = HyperPrior::default().length_scale(9.0).variance(9.0).intercept(9.0).slope(9.0);
+        let options = LearnOptions::default().messages(&messages).hyper_prior(weak);
+        let given = learn(template, &events, &options.inducing_points(&points)).unwrap();
+        let used = given.fit.inducing_points().unwrap();
+        assert!(used.slice(0..points.len()).rows().eq(points.rows()), "seed {seed}: other points");
+        assert_near("E of the optimum", &[given.optimum_evidence], &[under(&given.optimum)], 1e-7);
+        let dense = learn(template, &events, &options).unwrap();
+        let [best, other] = [under(&given.optimum), under(&dense.optimum)];
+        assert!(best >= other - 0.05, "seed {seed}: {best} at the end, {other} at the end of a dense search");
+    }
+}
+
+#[test]
+fn inducing_points_of_another_dimension_are_refused() {
+    let (template, events, points) = (&templates()[0], waves(1, 30), Inputs::new(vec![0.0; 9], 9).unwrap());
+    let learned = learn(template, &events, &LearnOptions::default().inducing_points(&points));
+    let fitted = dgpc::fit(template, &events, &FitOptions::default().inducing_points(&points));
+    for error in [learned.err(), fitted.err()] {
+        assert!(matches!(error, Some(Error::SizeMismatch { what: "input dimension", .. })), "{error:?}");
+    }
+}
+
 /// Learns, and asserts that no change of a single parameter improves the objective.
 #[track_caller]
 fn assert_maximum(
