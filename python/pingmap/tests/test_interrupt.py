@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import multiprocessing
 import signal
 import subprocess
@@ -39,6 +40,7 @@ CALLS = {
     "map": "pingmap.map(log, (0, 0), model=sys.argv[3], cell_m=2, events_max=1200)",
     "predict": "pingmap.predict(log, links, model=sys.argv[3], events_max=1200)",
     "simulate": "pingmap.simulate(vehicles=4, slots=40_000)",
+    "import": "pingmap.import_mission(sys.argv[4])",
 }
 
 
@@ -50,13 +52,21 @@ def long_log(folder: Path) -> Path:
     return path
 
 
+@pytest.fixture(scope="module")
+def long_archive(folder: Path) -> Path:
+    """A compressed log of 8 GB, which takes many seconds to unpack."""
+    path = folder / "long.alog.gz"
+    path.write_bytes(gzip.compress(b"% no record of a vehicle\n" * 400_000, 1) * 800)
+    return path
+
+
 @pytest.mark.parametrize("name", CALLS)
 @pytest.mark.parametrize("after_s", [0.4, 1.3])
 def test_ctrl_c_ends_a_function_within_a_second(
-    long_log: Path, model: Path, tmp_path: Path, name: str, after_s: float
+    long_log: Path, long_archive: Path, model: Path, tmp_path: Path, name: str, after_s: float
 ) -> None:
     program = SCRIPT.format(call=CALLS[name])
-    words = [sys.executable, "-c", program, str(long_log), str(tmp_path), str(model)]
+    words = [sys.executable, "-c", program, str(long_log), str(tmp_path), str(model), str(long_archive)]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None and process.stdout.readline() == "begin\n"
         time.sleep(after_s)

@@ -7,6 +7,7 @@ use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use pingmap_agent::Interrupt;
 use rusqlite::config::DbConfig;
 use rusqlite::limits::Limit;
 use rusqlite::{Connection, OpenFlags};
@@ -164,6 +165,7 @@ fn read_messages<'a>(database: &Connection, file_bytes: u64, mut bag: BagParser<
     let mut statement = database.prepare("SELECT topic_id, timestamp, data FROM messages NOT INDEXED")?;
     let mut rows = statement.query([])?;
     while let Some(row) = rows.next()? {
+        Interrupt::check().map_err(|stopped| Problem(stopped.to_string()))?;
         let (topic, time_ns): (i64, i64) = (row.get(0)?, row.get(1)?);
         let data = row.get_ref(2)?.as_blob().map_err(rusqlite::Error::from)?;
         budget.spend(data.len())?;

@@ -5,6 +5,8 @@ use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::sync::Arc;
 
+use crate::interruptible::Interruptible;
+
 /// Number of bytes that are copied at once.
 const BLOCK_BYTES: usize = 1 << 16;
 
@@ -37,7 +39,7 @@ impl Unpacked {
     ///
     /// # Errors
     /// If the content cannot be read, or exceeds what the limit leaves.
-    pub fn add(&mut self, mut content: impl Read) -> io::Result<Section> {
+    pub fn add(&mut self, content: impl Read) -> io::Result<Section> {
         self.files += 1;
         if self.files > FILES_MAX {
             return Err(io::Error::other(format!("more than {FILES_MAX} files to unpack; expected fewer")));
@@ -46,7 +48,7 @@ impl Unpacked {
             Some(file) => file.clone(),
             None => self.file.insert(Arc::new(tempfile::tempfile()?)).clone(),
         };
-        let (start, mut block) = (self.length, vec![0; BLOCK_BYTES]);
+        let (start, mut block, mut content) = (self.length, vec![0; BLOCK_BYTES], Interruptible(content));
         loop {
             let read = match content.read(&mut block) {
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
