@@ -1,8 +1,16 @@
 """Data that several tests use."""
 
+import signal
+
 import dgpc
 import numpy as np
 import pytest
+
+
+@pytest.fixture(autouse=True, scope="session")
+def interruptible() -> None:
+    """Lets Ctrl-C interrupt. A shell script that starts Python in the background makes it ignore Ctrl-C."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture

@@ -17,9 +17,11 @@ import pingmap
 from pingmap import Agent
 
 SCRIPT = """
-import sys, tempfile
+import signal, sys, tempfile
 import numpy
 import pingmap
+# A shell script that starts Python in the background makes it ignore Ctrl-C.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 tempfile.tempdir = sys.argv[2]
 log = sys.argv[1]
 names = ["tx_easting_m", "tx_northing_m", "rx_easting_m", "rx_northing_m"]
