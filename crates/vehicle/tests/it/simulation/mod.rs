@@ -15,7 +15,7 @@ mod world;
 use rayon::prelude::*;
 
 use self::checks::{Finding, Selection};
-use self::faulty::Sabotage;
+use self::faulty::{FAULTS, Sabotage};
 use self::world::{Run, World};
 
 /// Seeds of the normal test.
@@ -46,8 +46,8 @@ fn selection(runs: &[Run]) -> Selection {
 }
 
 /// Mean NLL of the team minus that of own events alone, and its standard error over runs.
-fn harm(runs: &[Run]) -> (f64, f64) {
-    let differences: Vec<f64> = runs.iter().filter_map(|run| run.harm).collect();
+fn harm<'a>(runs: impl IntoIterator<Item = &'a Run>) -> (f64, f64) {
+    let differences: Vec<f64> = runs.into_iter().filter_map(|run| run.harm).collect();
     let count = differences.len() as f64;
     let mean = differences.iter().sum::<f64>() / count;
     let variance = differences.iter().map(|difference| (difference - mean).powi(2)).sum::<f64>() / (count - 1.0);
@@ -61,6 +61,10 @@ fn no_seed_breaks_an_invariant_and_sharing_does_no_harm() {
     assert!(found.is_empty(), "{} findings, the first: {:#?}", found.len(), &found[..found.len().min(5)]);
     let selection = selection(&runs);
     assert!(selection.is_independent(), "{selection:?}");
+    for fault in FAULTS {
+        let (harm, error) = harm(runs.iter().filter(|run| run.fault == fault));
+        println!("{fault:?}: harm {harm:.4} +- {error:.4} nats");
+    }
     let (harm, error) = harm(&runs);
     println!("{} runs; harm {harm:.4} +- {error:.4} nats; {selection:?}", runs.len());
     // The error of 200 seeds is about as large as the bound.

@@ -26,6 +26,8 @@ const SLOT_S: f64 = 10.0;
 /// The result of one run.
 pub struct Run {
     pub seed: u64,
+    /// The fault of the last member.
+    pub fault: Fault,
     pub findings: Vec<Finding>,
     pub selection: Selection,
     /// Mean NLL of honest members minus that of own events alone; `None` without any scored event.
@@ -118,6 +120,8 @@ impl World {
         (0..SLOTS).for_each(|slot| self.slot(slot));
         for slot in SLOTS..SLOTS + 3 {
             self.navigate(slot);
+            // No member transmits any more, so no slot may count as missed.
+            (0..self.members.len()).for_each(|member| self.stop_listening(member, slot));
         }
         self.check_clocks();
         self.finish()
@@ -300,11 +304,16 @@ impl World {
         let is_deaf =
             self.rng.random_ratio(1, 15) || self.sabotage == Sabotage::HideMisses && !success && slot.is_multiple_of(2);
         if is_deaf {
-            let time = self.clock_s(receiver, slot, SLOT_S * (slot + 1) as f64);
-            let (from, to, not) = (time + 1.0, time + 3.0, Some("busy".into()));
-            self.submit_right(receiver, slot, Input::Listening(Listening { from, to, not }));
+            self.stop_listening(receiver, slot);
         }
         !is_deaf
+    }
+
+    /// The host of a receiver reports that it does not listen in a slot.
+    fn stop_listening(&mut self, receiver: usize, slot: usize) {
+        let time = self.clock_s(receiver, slot, SLOT_S * (slot + 1) as f64);
+        let (from, to, not) = (time + 1.0, time + 3.0, Some("busy".into()));
+        self.submit_right(receiver, slot, Input::Listening(Listening { from, to, not }));
     }
 
     /// A receiver hears a message, or not. Frames get lost, are repeated, delayed, damaged or forged.
@@ -425,6 +434,7 @@ impl World {
         let difference: f64 = honest.iter().map(|member| member.nll[0] - member.nll[1]).sum();
         Run {
             seed: self.seed,
+            fault: self.fault,
             selection,
             harm: (scored > 0).then(|| difference / scored as f64),
             crashes: self.members.iter().map(|member| member.crashes).sum(),
