@@ -78,6 +78,9 @@ const ROUGH_TOLERANCE: f64 = 1e-6;
 /// Largest number of events from which the curvature is computed, in addition to the limit of a third of the events.
 const CURVATURE_EVENTS_MAX: usize = 150;
 
+/// Gain of a search over its start, in nats an event, above which the start needs no accurate fit for a comparison.
+const CLEAR_GAIN: f64 = 1e-6;
+
 /// A start loses the race if it ends more than this below the best, in nats.
 const RACE_MARGIN: f64 = 5.0;
 
@@ -291,7 +294,10 @@ fn learn_from(
         .starting_at_tilts(options.tilts);
     let (mut ends, mut failure) = (Vec::<SearchEnd>::new(), None);
     let mut evaluations = 0;
-    for end in search.run(starts) {
+    let found = search.run(starts);
+    let first = found.first().and_then(|first| first.as_ref().ok());
+    let start_evidence = first.map_or(f64::INFINITY, |first| first.start_evidence);
+    for end in found {
         match end {
             Ok(end) => {
                 evaluations += end.evaluations;
@@ -300,7 +306,7 @@ fn learn_from(
             Err(error) => failure = Some(error),
         }
     }
-    let learned = on_parts(ends, |end| finish(&search, end, points.as_ref(), options));
+    let learned = on_parts(ends, |end| finish(&search, end, start_evidence, points.as_ref(), options));
     let best = learned.into_iter().reduce(|best, next| match (best, next) {
         (Ok(best), Ok(next)) => Ok(if next.merit > best.merit { next } else { best }),
         (best, next) => best.or(next),
@@ -317,17 +323,25 @@ struct End {
     merit: f64,
 }
 
-/// Fits the end of a search accurately, and calibrates the variances there.
-fn finish(search: &Search<'_>, found: SearchEnd, points: Option<&Inputs>, options: &LearnOptions<'_>) -> Result<End> {
+/// Fits the end of a search accurately, and calibrates the variances there. `start_evidence` is E at the first start,
+/// up to 1e-8 nats an event.
+fn finish(
+    search: &Search<'_>,
+    found: SearchEnd,
+    start_evidence: f64,
+    points: Option<&Inputs>,
+    options: &LearnOptions<'_>,
+) -> Result<End> {
     let at_end = search.careful_fit(&found.prior, &found.tilts)?;
+    let gained = at_end.evidence - start_evidence;
     let (optimum, fit) = match options.warm_start {
         // A gain in the hyperprior's density must not cost evidence.
-        Some(start) => {
+        Some(start) if gained <= CLEAR_GAIN * search.events() as f64 => {
             let start = search.within_reach(start)?;
             let at_start = search.careful_fit(&start, &found.tilts)?;
             if at_end.evidence >= at_start.evidence { (found.prior, at_end) } else { (start, at_start) }
         }
-        None => (found.prior, at_end),
+        _ => (found.prior, at_end),
     };
     let optimum_evidence = fit.evidence;
     let calibrate = options.calibrate && search.moves_a_variance();

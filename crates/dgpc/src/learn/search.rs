@@ -75,6 +75,8 @@ pub(super) struct SearchEnd {
     pub(super) prior: Prior,
     /// E plus the log density of the hyperprior.
     pub(super) objective: f64,
+    /// E at the start of the search. Its error is that of [`TILT_TOLERANCES`]: 1e-8 nats an event.
+    pub(super) start_evidence: f64,
     /// Tilts of a fit at the end of the search.
     pub(super) tilts: Vec<f64>,
     pub(super) evaluations: usize,
@@ -282,9 +284,11 @@ impl<'a> Search<'a> {
     /// one.
     fn found(&self, Path { mut steps, tilts, evaluations, stop }: Path, known: Option<usize>) -> Result<SearchEnd> {
         let is_known = known.is_some();
+        let start_evidence = steps[0].objective + 0.5 * steps[0].coordinates.iter().map(|x| x * x).sum::<f64>();
         let Step { coordinates, objective, evaluations: so_far } = steps.swap_remove(known.unwrap_or(steps.len() - 1));
         let evaluations = if is_known { so_far } else { evaluations };
-        Ok(SearchEnd { prior: self.prior(&coordinates)?, objective, tilts, evaluations, stop, is_known })
+        let prior = self.prior(&coordinates)?;
+        Ok(SearchEnd { prior, objective, start_evidence, tilts, evaluations, stop, is_known })
     }
 
     /// Returns whether a step is at an end, or so close to it that the search would end there, too.
