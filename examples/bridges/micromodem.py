@@ -48,7 +48,7 @@ class Bridge(logging.Handler):
             self.begin_s = now_s
         elif name == "CATXF" and self.begin_s:
             self.close_frame("departed", time=self.begin_s)
-        elif name == "CAERR" or name == "CAXST" and fields[3 if len(fields[0]) == 8 else 4] != "0":
+        elif name == "CAERR" and not self.begin_s or name == "CAXST" and fields[3 if len(fields[0]) == 8 else 4] != "0":
             self.close_frame("dropped")
 
     def close_frame(self, kind, **fields):

@@ -111,8 +111,11 @@ impl Owner<'_> {
         Ok(())
     }
 
-    fn handle(&mut self, Arrival { number, message }: Arrival, host: &mut Host) {
+    fn handle(&mut self, Arrival { number, message, is_after_loss }: Arrival, host: &mut Host) {
         self.vehicle.number_next_input(number);
+        if is_after_loss {
+            self.vehicle.note_lost_messages();
+        }
         let outputs = match message {
             Ok(input) => self.vehicle.handle(input),
             Err(fault) => {

@@ -14,12 +14,14 @@ pub(crate) struct Arrival {
     pub(crate) number: u64,
     /// Its message, or its fault.
     pub(crate) message: Result<Input, Fault>,
+    /// Whether lines before it were answered with `busy`.
+    pub(crate) is_after_loss: bool,
 }
 
 /// Reads lines until the input ends. Lines that find the queue of the owner full are answered with `busy`. `stop` waits
 /// instead, as does the end of the input.
 pub(crate) fn read(input: impl Read, to_owner: &SyncSender<Arrival>, to_host: &SyncSender<Message>) {
-    let mut lines = Lines::new(input);
+    let (mut lines, mut is_after_loss) = (Lines::new(input), false);
     for number in 1.. {
         let message = match lines.next_message() {
             Ok(Some(message)) => message,
@@ -30,8 +32,9 @@ pub(crate) fn read(input: impl Read, to_owner: &SyncSender<Arrival>, to_host: &S
             }
         };
         let is_stop = matches!(message, Ok(Input::Stop {}));
-        let arrival = Arrival { number, message };
-        let is_passed = match to_owner.try_send(arrival) {
+        let sent = to_owner.try_send(Arrival { number, message, is_after_loss });
+        is_after_loss = matches!(sent, Err(TrySendError::Full(_)));
+        let is_passed = match sent {
             Ok(()) => true,
             Err(TrySendError::Full(arrival)) if is_stop => to_owner.send(arrival).is_ok(),
             Err(TrySendError::Full(_)) => {

@@ -73,6 +73,8 @@ pub enum Message {
     Prediction {
         /// Number of the input.
         input: u64,
+        /// How well the map predicted the latest events.
+        trust: Trust,
         /// The answers.
         links: Vec<Answer>,
     },
@@ -183,6 +185,8 @@ pub struct StatusReport {
     pub excluded_slots: BTreeMap<String, u64>,
     /// Receptions that arrived after their slot was counted.
     pub late_receptions: u64,
+    /// Transmissions and deaf intervals that the host reported after their slots were counted.
+    pub late_reports: u64,
     /// Frames that neither departed nor were dropped.
     pub open_frames: usize,
     /// Numbers of accepted frames, and of refused frames by reason.

@@ -22,7 +22,8 @@ impl Vehicle {
         self.refit_if_due();
         self.forget_scores_of_unused_slots();
         let predictions = self.agent.predict_intervals(queries.clone()).map_err(|error| failed(&error))?;
-        let reason = distrust(&self.scores.trust());
+        let trust = self.scores.trust();
+        let reason = distrust(&trust);
         let mut links = Vec::with_capacity(predictions.len());
         for (query, prediction) in queries.iter().zip(predictions) {
             let by_range = self.probability_by_range(&query.link);
@@ -34,7 +35,7 @@ impl Vehicle {
             let (explained, trusted, reason) = (prediction.explained, reason.is_none(), reason.clone());
             links.push(Answer { probability, low, high, explained, by_range, trusted, reason });
         }
-        self.send(Message::Prediction { input: self.inputs, links });
+        self.send(Message::Prediction { input: self.inputs, trust, links });
         Ok(())
     }
 

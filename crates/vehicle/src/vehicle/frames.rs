@@ -7,7 +7,7 @@ use crate::protocol::fault::{Fault, FaultCode};
 use crate::protocol::hex::Hex;
 use crate::protocol::input::{FrameRequest, PiggybackIn, PiggybackRequest};
 use crate::protocol::output::Message;
-use crate::vehicle::ledger::LedgerRecord;
+use crate::vehicle::ledger::{LEAD_S_MAX, LedgerRecord};
 use crate::vehicle::record::Record;
 use crate::vehicle::slots::failed;
 use crate::vehicle::state::Vehicle;
@@ -17,7 +17,9 @@ const OPEN_FRAMES_MAX: usize = 256;
 
 impl Vehicle {
     pub(crate) fn receive(&mut self, bytes: &[u8], time_s: f64) {
-        let received = self.agent.receive(bytes, Some(time_s));
+        // A time far after the clock may be wrong. It does not move the clock of the agent, which never goes back.
+        let is_near = self.ledger.clock_s().is_some_and(|clock_s| time_s - clock_s <= LEAD_S_MAX);
+        let received = self.agent.receive(bytes, is_near.then_some(time_s));
         self.records.extend(received.entry.map(Record::Entry));
         self.acknowledge(&received.receipt);
     }
@@ -98,14 +100,17 @@ impl Vehicle {
             Some(time_s) => self.agent.frame_departed(token, time_s),
             None => self.agent.frame_dropped(token),
         };
-        let entry = changed.map_err(|error| match error {
-            AgentError::NoSuchFrame(_) => {
-                Fault::of_field(FaultCode::UnknownToken, "token", token, "the token of a frame of this vehicle")
+        let was_open = self.open_frames.remove(&token).is_some();
+        match changed {
+            Ok(entry) => self.records.push(Record::Entry(entry)),
+            // The agent has forgotten the frame, because many others followed.
+            Err(AgentError::NoSuchFrame(_)) if was_open => {}
+            Err(AgentError::NoSuchFrame(_)) => {
+                let expected = "the token of a frame of this vehicle";
+                return Err(Fault::of_field(FaultCode::UnknownToken, "token", token, expected));
             }
-            error => failed(&error),
-        })?;
-        self.records.push(Record::Entry(entry));
-        self.open_frames.remove(&token);
+            Err(error) => return Err(failed(&error)),
+        }
         if let Some(time_s) = departed_s {
             self.note_transmission(time_s);
         }
@@ -116,7 +121,10 @@ impl Vehicle {
     pub(crate) fn note_transmission(&mut self, time_s: f64) {
         let slots = &self.agent.team().slots;
         match slots.sent_in(time_s, self.id()) {
-            Some(slot) => self.change_ledger(LedgerRecord::Sent { slot }),
+            Some(slot) => {
+                self.late_reports += u64::from(self.ledger.is_settled(slot));
+                self.change_ledger(LedgerRecord::Sent { slot });
+            }
             None => {
                 let to_s = time_s + slots.duration_s;
                 self.change_ledger(LedgerRecord::Deaf { from_s: time_s, to_s, reason: "transmitting".into() });

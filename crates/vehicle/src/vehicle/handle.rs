@@ -11,7 +11,7 @@ use crate::protocol::input::{
 use crate::protocol::output::{Greeting, Message, PROTOCOL};
 use crate::vehicle::ledger::{LedgerRecord, shortened, span_s};
 use crate::vehicle::record::Record;
-use crate::vehicle::slots::{CLOCK, SURFACED, failed};
+use crate::vehicle::slots::{CLOCK, LOST_MESSAGES, SURFACED, failed};
 use crate::vehicle::state::{Output, Vehicle};
 
 /// Maximum number of slots that are searched for the latest slot of a member.
@@ -37,6 +37,15 @@ impl Vehicle {
     /// too.
     pub fn number_next_input(&mut self, number: u64) {
         self.inputs = number.saturating_sub(1);
+    }
+
+    /// Notes that messages before the next one were not handled. Receptions may be among them, so that no slot counts
+    /// from the last counted one to the next navigation.
+    pub fn note_lost_messages(&mut self) {
+        let slots = &self.agent.team().slots;
+        let Some(clock_s) = self.ledger.clock_s() else { return };
+        let from_s = slots.begin_s(self.ledger.next()).map_or(clock_s, |begin_s| begin_s.min(clock_s));
+        self.note_deafness(LOST_MESSAGES, true, from_s);
     }
 
     /// Expects another host from now on. It must send `hello`, and its inputs are counted from 1.
@@ -211,6 +220,7 @@ impl Vehicle {
             events: self.agent.events().len(),
             warnings: self.warnings.clone(),
         };
+        self.recovery = None;
         self.send(Message::Hello(greeting));
         Ok(())
     }
@@ -233,6 +243,7 @@ impl Vehicle {
             let sigma_max_s = self.config.clock.sigma_max_s.unwrap_or(0.25 * self.agent.team().slots.duration_s);
             let sigma_s = nav.clock_sigma.unwrap_or(self.config.clock.sigma_s);
             self.note_deafness(CLOCK, sigma_s > sigma_max_s, nav.time);
+            self.note_deafness(LOST_MESSAGES, false, nav.time);
         }
         if nav.sigma.is_some_and(|sigma_m| sigma_m > self.config.navigation.sigma_max_m) {
             return Ok(());
@@ -316,8 +327,14 @@ impl Vehicle {
         Ok(())
     }
 
+    /// Returns whether the slot at a time was counted.
+    fn is_counted(&self, time_s: f64) -> bool {
+        self.agent.team().slots.number(time_s).is_some_and(|slot| self.ledger.is_settled(slot))
+    }
+
     fn note_listening(&mut self, Listening { from, to, not }: Listening) -> Result<(), Fault> {
         // Navigation alone begins the count, and ends a gap.
+        self.late_reports += u64::from(not.is_some() && self.is_counted(from));
         self.step_clock(from);
         self.change_ledger(match not {
             Some(reason) => LedgerRecord::Deaf { from_s: from, to_s: to, reason: shortened(&reason) },

@@ -46,6 +46,11 @@ struct Rest {
     silence: Option<String>,
     positions: Vec<StoredPosition>,
     open_frames: BTreeMap<u64, Option<u32>>,
+    /// The recovery that no host was told of.
+    #[serde(default)]
+    recovery: Option<String>,
+    #[serde(default)]
+    late_reports: u64,
 }
 
 impl Vehicle {
@@ -65,6 +70,8 @@ impl Vehicle {
             silence: self.silence.clone(),
             positions: self.positions.stored(self.ledger.clock_s().unwrap_or(f64::INFINITY)),
             open_frames: self.open_frames.clone(),
+            recovery: self.recovery.clone(),
+            late_reports: self.late_reports,
         };
         // Numbers are finite and keys are texts, so that this cannot fail.
         let rest = serde_json::to_vec(&rest).unwrap_or_default();
@@ -139,8 +146,11 @@ impl Vehicle {
         let id = config.vehicle.clone();
         let agent = Agent::restore(id, team, config.agent_options(), snapshot).map_err(|error| error.to_string())?;
         let rest: Rest = serde_json::from_slice(rest).map_err(|error| error.to_string())?;
-        let Rest { ledger, scores, late_receptions, team, counters, silence, positions, open_frames } = rest;
-        let mut vehicle = Self { scores, late_receptions, ..Self::with_agent(config, agent, reference) };
+        let Rest { ledger, scores, team, counters, silence, positions, open_frames, recovery, .. } = rest;
+        let Rest { late_receptions, late_reports, .. } = rest;
+        let warnings = recovery.iter().cloned().collect();
+        let vehicle = Self::with_agent(config, agent, reference);
+        let mut vehicle = Self { scores, late_receptions, late_reports, recovery, warnings, ..vehicle };
         vehicle.positions.restore(positions);
         let digest = vehicle.team_digest();
         if let Some(&next) = counters.get(&digest) {
@@ -206,6 +216,8 @@ impl Vehicle {
             self.silence = Some(silence.into());
             warning += "there is no snapshot, so that the vehicle begins without data and sends nothing";
         }
+        self.open_frames.clear();
+        self.recovery = Some(warning.clone());
         self.warnings.push(warning);
         self.begin_snapshot();
         self.base()

@@ -13,6 +13,7 @@ use crate::vehicle::trust::Score;
 
 pub(crate) const SURFACED: &str = "surfaced";
 pub(crate) const CLOCK: &str = "clock uncertain";
+pub(crate) const LOST_MESSAGES: &str = "messages dropped";
 
 impl Vehicle {
     /// Notes that a message of another member arrived at a time.
@@ -115,8 +116,9 @@ impl Vehicle {
             Some(event) => self.agent.record([event])?,
             None => self.agent.record_outcome(from, time_s, heard)?.into_iter().collect(),
         };
-        self.copies.apply(&entries)?;
+        let applied = self.copies.apply(&entries);
         self.records.extend(entries.into_iter().map(Record::Entry));
+        applied?;
         let (probability, by_range) = score.as_ref().map(|score| (score.map, score.by_range)).unzip();
         if let Some(score) = score {
             self.scores.add(score.clone());

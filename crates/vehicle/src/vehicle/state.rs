@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use pingmap_agent::{Agent, Position, Team, VehicleId};
+use pingmap_agent::{Agent, Event, Position, Team, VehicleId};
 use pingmap_import::{ModemStream, Reference};
 
 use crate::config::settings::VehicleConfig;
@@ -52,6 +52,8 @@ pub struct Vehicle {
     pub(crate) silence: Option<String>,
     /// The failure of the store.
     pub(crate) store_problem: Option<String>,
+    /// Warning of the last recovery, until a host has received it.
+    pub(crate) recovery: Option<String>,
     /// Warnings of the start, for the greeting.
     pub(crate) warnings: Vec<String>,
     pub(crate) has_greeted: bool,
@@ -63,6 +65,8 @@ pub struct Vehicle {
     pub(crate) arrivals_s: BTreeMap<VehicleId, f64>,
     pub(crate) inputs: u64,
     pub(crate) late_receptions: u64,
+    /// Transmissions and deaf intervals that were reported after their slots had been counted.
+    pub(crate) late_reports: u64,
     /// Time of the last stored own position.
     pub(crate) stored_nav_s: Option<f64>,
     /// Time of the last navigation.
@@ -92,7 +96,9 @@ impl Vehicle {
     }
 
     pub(crate) fn with_agent(config: VehicleConfig, mut agent: Agent, reference: Reference) -> Self {
-        config.muted.iter().for_each(|member| agent.set_muted(member, true));
+        // A snapshot may have other muted members than the configuration.
+        let members: Vec<VehicleId> = agent.team().members.values().cloned().collect();
+        members.iter().for_each(|member| agent.set_muted(member, config.muted.contains(member)));
         Self {
             modem: ModemStream::new(config.modem_ids()),
             config,
@@ -106,6 +112,7 @@ impl Vehicle {
             open_frames: BTreeMap::new(),
             silence: None,
             store_problem: None,
+            recovery: None,
             warnings: Vec::new(),
             has_greeted: false,
             is_starting: true,
@@ -113,6 +120,7 @@ impl Vehicle {
             arrivals_s: BTreeMap::new(),
             inputs: 0,
             late_receptions: 0,
+            late_reports: 0,
             stored_nav_s: None,
             nav_s: None,
             base_s: None,
@@ -129,6 +137,12 @@ impl Vehicle {
     /// Returns the agent: its events, posteriors and team.
     pub fn agent(&self) -> &Agent {
         &self.agent
+    }
+
+    /// Returns the own events that count: those in slots that their senders used, as far as the vehicle knows.
+    pub fn counting_events(&self) -> impl Iterator<Item = &Event> {
+        let is_used = |event: &&Event| self.agent.has_transmitted(&event.transmitter_id, event.time_s);
+        self.agent.events().filter(is_used)
     }
 
     /// Returns the name of the vehicle.

@@ -29,6 +29,7 @@ impl Vehicle {
             unlocated_events: status.unlocated_events,
             excluded_slots: self.ledger.excluded.clone(),
             late_receptions: self.late_receptions,
+            late_reports: self.late_reports,
             open_frames: self.open_frames.len(),
             frames: frames.map(|(name, count)| (name.to_string(), count)).collect::<BTreeMap<_, _>>(),
             clock_offset_slots: status.own_clock_offset_slots,

@@ -1,6 +1,7 @@
 //! The clock of a vehicle: starts, gaps, wrong times, and slots that do not count because of them.
 
-use pingmap_vehicle::{At, FaultCode, Input, Listening, Message, Nav, PeerSource};
+use pingmap_agent::{Agent, AgentOptions, Event, Link, Position, VehicleId};
+use pingmap_vehicle::{At, FaultCode, FrameIn, FrameLink, Hex, Input, Listening, Message, Nav, PeerSource};
 
 use crate::host::*;
 
@@ -378,4 +379,26 @@ fn a_gap_while_the_clock_is_ahead_counts_as_soon_as_its_time_comes() {
         host.nav(time_s);
     }
     assert_eq!(host.events.last().map(|event| event.time), Some(4010.0), "{:?}", host.events);
+}
+
+#[test]
+fn frames_at_a_time_that_was_refused_do_not_move_the_clock_of_the_agent() {
+    let mut host = Host::new("");
+    host.cycles(|_| true, |_, _, _| {});
+    let mut bob = Agent::new(VehicleId::new("bob"), team(), AgentOptions::default());
+    let link = Link { transmitter: Position::new(0.0, 0.0), receiver: Position::new(300.0, 0.0) };
+    let heard = |cycle: u32| {
+        let [transmitter_id, receiver_id] = ["ada", "bob"].map(VehicleId::new);
+        let time_s = 2.0 * SLOT_S * f64::from(cycle);
+        Event { time_s, transmitter_id, receiver_id, link, kind: None, success: true }
+    };
+    bob.record((0..10).map(heard)).unwrap();
+    bob.record_positions([0.0, 205.0].map(|time_s| (time_s, link.receiver))).unwrap();
+    let bytes = bob.next_frame(Some(210.0), 32).unwrap().unwrap().bytes;
+    assert_eq!(code(&host.try_nav(1e9)), FaultCode::WrongTime);
+    let frame = FrameIn { time: 1e9, from: None, bytes: Hex(bytes), link: FrameLink::Other };
+    let answer = host.send(Input::FrameIn(frame));
+    assert!(matches!(answer, Message::Acknowledgement { counts: true, .. }), "{answer:?}");
+    let last_heard_s = host.status().members[&VehicleId::new("bob")].last_heard;
+    assert!(last_heard_s.is_none_or(|time_s| time_s < 1000.0), "{last_heard_s:?}");
 }

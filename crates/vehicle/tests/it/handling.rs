@@ -3,8 +3,8 @@
 use pingmap_agent::{Agent, AgentOptions, Entry, Event, Link, Position, VehicleId};
 use pingmap_packet::OutcomeBitmap;
 use pingmap_vehicle::{
-    At, Departed, FaultCode, FrameIn, FrameLink, FrameRequest, Heard, Hex, Input, LearnedEvent, Listening, Message,
-    Nav, Nmea, PeerSource, Token,
+    At, Departed, End, FaultCode, FrameIn, FrameLink, FrameRequest, Heard, Hex, Input, LearnedEvent, Listening,
+    Message, Nav, Nmea, PeerSource, Predict, QueryLink, Token,
 };
 
 use crate::host::*;
@@ -374,9 +374,59 @@ fn slots_that_the_sender_reports_as_unused_change_no_score() {
         let trust = host.status().trust;
         assert_eq!(trust.events, 5, "only slots with transmissions");
         let missed = host.events.iter().filter(|event| !event.heard).count();
+        assert!(host.vehicle.counting_events().count() == 5 && host.vehicle.agent().events().len() >= 9);
         assert_eq!(host.restarted().status().trust, trust);
         missed
     };
     // A slot that was known to be unused before it was counted gives no event.
     assert_eq!((scores(false), scores(true)), (5, 4));
+}
+
+#[test]
+fn a_member_that_the_configuration_no_longer_mutes_counts_again() {
+    let contents = Host::new("muted = [\"bob\"]").stopped();
+    let is_muted = |more: &str| {
+        let mut host = Host::with(config(more), team(), contents.clone());
+        host.status().members[&VehicleId::new("bob")].ignored.contains_key("muted")
+    };
+    assert!(is_muted("muted = [\"bob\"]"));
+    assert!(!is_muted(""));
+}
+
+#[test]
+fn no_slot_counts_where_messages_were_dropped() {
+    for is_heard in [false, true] {
+        let mut host = Host::new("");
+        let lose = |host: &mut Host, cycle, _| {
+            if cycle == 4 {
+                host.vehicle.note_lost_messages();
+            }
+        };
+        host.cycles(|_| is_heard, lose);
+        // The slot of the cycle before was not counted yet.
+        assert_eq!(host.status().excluded_slots["messages dropped"], 2, "{is_heard}");
+        assert_eq!(host.events.len(), 8);
+        assert!(host.events.iter().all(|event| event.heard == is_heard));
+    }
+}
+
+#[test]
+fn transmissions_and_deaf_intervals_after_their_slot_was_counted_are_late() {
+    let mut host = Host::new("");
+    host.cycles(|_| true, |_, _, _| {});
+    assert_eq!(host.status().late_reports, 0);
+    host.send(Input::Sent(At { time: 22.0, kind: None }));
+    host.send(Input::Listening(Listening { from: 12.0, to: 14.0, not: Some("pump".into()) }));
+    assert_eq!(host.status().late_reports, 2);
+    assert_eq!(Host::with(config(""), team(), host.stopped()).status().late_reports, 2);
+}
+
+#[test]
+fn every_prediction_has_the_trust_of_the_status() {
+    let mut host = Host::new("");
+    host.cycles(|_| true, |_, _, _| {});
+    let link = QueryLink { from: End::Place(place(300.0)), to: End::Member(VehicleId::new("ada")) };
+    let answer = host.send(Input::Predict(Predict { time: None, kind: None, links: vec![link] }));
+    let Message::Prediction { trust, .. } = answer else { panic!("{answer:?}") };
+    assert_eq!((trust, trust.events), (host.status().trust, 10));
 }

@@ -136,3 +136,17 @@ fn after_a_failure_of_the_store_the_vehicle_continues_in_memory_and_sends_nothin
     assert!(matches!(host.send(Input::Nav(nav)), Message::Ok { stored: false, .. }));
     assert!(host.predict(100.0).probability > 0.5);
 }
+
+#[test]
+fn a_recovery_is_reported_until_a_host_was_told() {
+    let contents = Host::new("").stopped();
+    let mut vehicle = Vehicle::restore(config(""), team(), Reference::unknown(), &contents).unwrap();
+    // The process ends before a host comes.
+    let base = vehicle.note_recovery(true, "half of it is missing");
+    let contents = Contents { base: Some(base), entries: Vec::new() };
+    let mut host = Host::with(config(""), team(), contents);
+    let warnings = host.status().warnings;
+    assert!(warnings.len() == 1 && warnings[0].contains("half of it is missing"), "{warnings:?}");
+    let mut host = Host::with(config(""), team(), host.stopped());
+    assert_eq!(host.status().warnings, [""; 0]);
+}

@@ -47,7 +47,7 @@ impl Options {
         let reference = Reference::new(reference_system).map_err(|error| bad(&error))?;
         let config = VehicleConfig::new(VehicleId::new(identity.vehicle), self.team.clone());
         let vehicle = Vehicle::restore(config, Arc::new(team), reference, &contents).map_err(|error| bad(&error))?;
-        let events: Vec<Event> = vehicle.agent().events().cloned().collect();
+        let events: Vec<Event> = vehicle.counting_events().cloned().collect();
         let ends = || events.iter().flat_map(|event| event.link.ends());
         let log = EventLog {
             has_depths: ends().all(|end| end.depth_m.is_some()),
