@@ -260,3 +260,47 @@ def test_single_hyperparameters_are_fixed_or_bounded(data) -> None:
     assert model.kernel_.k1.k2.length_scale == pytest.approx(0.1)
     assert 0.9 <= model.kernel_.k2.k2.length_scale[0] <= 1.1
     assert model.kernel_.k2.k2.length_scale[1] != pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_product_of_constants_has_the_product_of_their_bounds(data) -> None:
+    x, y = data
+    fixed = ConstantKernel(100.0, "fixed") * ConstantKernel(1.0, (0.1, 10.0)) * RBF(1.0, "fixed")
+    assert 10.0 <= np.exp(Classifier(fixed).fit(x, y).kernel_.theta)[0] <= 1000.0
+    free = ConstantKernel(3.0, (1.0, 5.0)) * ConstantKernel(2.0, (1.0, 5.0)) * RBF(1.0)
+    kernel = Classifier(free, optimizer=None).fit(x, y).kernel_
+    np.testing.assert_allclose(np.exp(kernel.bounds[0]), [1.0, 25.0])
+    np.testing.assert_allclose(np.exp(kernel.theta[0]), 6.0)
+
+
+def test_a_second_fit_uses_nothing_of_the_first(data) -> None:
+    x, y = data
+
+    def optimizer(objective, initial_theta, bounds):
+        return initial_theta, objective(initial_theta)[0]
+
+    model = Classifier(optimizer=optimizer, inducing_points=5).fit(x, y)
+    wider = np.column_stack([x, x[:, 0]])
+    first = model.fit(wider, y).log_marginal_likelihood_value_
+    again = clone(model).fit(wider, y)
+    assert first == again.log_marginal_likelihood_value_
+
+
+def test_partial_fit_refuses_other_classes_than_before(data) -> None:
+    x, y = data
+    model = Classifier(RBF()).partial_fit(x, y, classes=np.unique(y))
+    with pytest.raises(ValueError, match="classes differ"):
+        model.partial_fit(x, y, classes=["no", "perhaps"])
+
+
+@pytest.mark.parametrize("name", ["classes_", "kernel_", "log_marginal_likelihood_value_", "prior_", "n_iter_"])
+def test_every_fitted_attribute_of_a_pickle_is_checked(name, data) -> None:
+    x, y = data
+    state = Classifier().fit(x, y).__getstate__()
+    changes = {"classes_": state["classes_"][::-1], "kernel_": RBF(0.3), "n_iter_": 999}
+    for change in ["replaced", "renamed"]:
+        damaged = dict(state)
+        value = damaged.pop(name)
+        changed = changes.get(name, -1.0 if name.startswith("log") else Classifier(RBF(3.0)).fit(x, y).prior_)
+        damaged |= {name: changed} if change == "replaced" else {"x" + name: value}
+        with pytest.raises(ValueError, match="damaged"):
+            Classifier().__setstate__(damaged)

@@ -227,3 +227,17 @@ def test_learning_refuses_bad_shards(tmp_path, paths):
     np.save(tmp_path / "empty.npy", np.zeros((0, 3)))
     refused([tmp_path / "empty.npy"], "the shards contain no events")
     refused(paths, "map returned 0 results of 4 shards", map=lambda *arguments: [])
+
+
+def test_files_that_are_no_shards_are_named(tmp_path):
+    empty, archive = tmp_path / "empty.npy", tmp_path / "archive.npy"
+    empty.touch()
+    with open(archive, "wb") as file:
+        np.savez(file, a=X, b=Y)
+    for path in (empty, archive):
+        with pytest.raises(ValueError, match=f"{path.name}: expected"):
+            sharded.fit(PRIOR, [path], POINTS)
+    with pytest.raises(ValueError, match="keep must be at least 0"):
+        sharded.fit(PRIOR, [empty], POINTS, keep=-1)
+    with pytest.raises(ValueError, match="masked"):
+        sharded.write_shards(tmp_path, np.ma.masked_greater(X, 0.0), Y, shards=2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from pingmap.sweep import grid, replay_scores, simulated_scores, sweep
@@ -113,7 +115,7 @@ def test_bad_tasks_and_results_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="numbers, text and paths"):
         sweep(area, [{"width": object(), "height": 1.0}], tmp_path)
     with pytest.raises(ValueError, match="cannot be stored"):
-        sweep(lambda x: {"x": object()}, [{"x": 1}], tmp_path)
+        sweep(lambda x: {"result": object()}, [{"x": 1}], tmp_path)
     assert not files(tmp_path), "no half result remains"
     with pytest.raises(ValueError, match="the workers stored no result of the task"):
         sweep(area, TASKS, tmp_path, map=lambda *arguments: [])
@@ -135,3 +137,24 @@ def test_the_example_with_times_runs() -> None:
     assert finished.returncode == 0, finished.stderr
     assert "| concurrent.futures | 2 |" in finished.stdout
     assert "| Ray | 2 |" in finished.stdout or "skipped: Ray: " in finished.stdout
+
+
+def test_functions_of_one_name_have_results_of_their_own(tmp_path: Path) -> None:
+    def twice(x: int) -> dict[str, int]:
+        return {"result": 2 * x}
+
+    first = twice
+
+    def twice(x: int) -> dict[str, int]:  # noqa: F811
+        return {"result": x + x + 1}
+
+    tasks = grid(x=np.arange(1, 3))
+    assert sweep(first, tasks, tmp_path)["result"] == [2, 4]
+    assert sweep(twice, tasks, tmp_path)["result"] == [3, 5]
+
+
+def test_results_do_not_replace_parameters(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="'x' of a parameter"):
+        sweep(dict, grid(x=[1]), tmp_path)
+    with pytest.raises(ValueError, match="defined with def"):
+        sweep(functools.partial(dict, y=1), grid(x=[1]), tmp_path)

@@ -129,3 +129,24 @@ def test_no_temporary_files_stay(log: Path, tmp_path: Path, monkeypatch: pytest.
     with pytest.raises(ValueError):
         pingmap.learn({"time_s": [1.0]})
     assert list(tmp_path.iterdir()) == []
+
+
+def test_dates_and_masked_values_are_refused(log: Path) -> None:
+    table = dict(pingmap.read_log(log))
+    dates = table | {"time_s": np.asarray(table["time_s"]).astype("datetime64[ns]")}
+    with pytest.raises(ValueError, match="column time_s: expected numbers"):
+        pingmap.learn(dates)
+    masked = table | {"rx_easting_m": np.ma.masked_greater(table["rx_easting_m"], 0.0)}
+    with pytest.raises(ValueError, match="column rx_easting_m: masked"):
+        pingmap.learn(masked)
+
+
+def test_a_column_success_that_holds_no_outcomes_keeps_its_numbers(
+    log: Path, model: Path, links: dict[str, list[float]]
+) -> None:
+    success = [0.7, 1.0, float("nan")]
+    count = len(links["tx_easting_m"])
+    table = links | {"success": (success * count)[:count]}
+    found = pingmap.predict(log, table, model=model)
+    if "success" in found:
+        np.testing.assert_array_equal(found["success"], table["success"])

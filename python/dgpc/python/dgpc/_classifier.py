@@ -143,9 +143,11 @@ class GaussianProcessClassifier(ClassifierMixin, BaseEstimator):
         """
         is_first = not hasattr(self, "classes_")
         inputs, labels = validate_data(self, X, y, reset=is_first)
-        known = np.unique(np.asarray(classes)) if is_first and classes is not None else getattr(self, "classes_", None)
+        known = np.unique(np.asarray(classes)) if classes is not None else getattr(self, "classes_", None)
         if known is None or known.size != 2:
             raise ValueError("the first call of partial_fit needs classes, an array of two labels")
+        if not is_first and not np.array_equal(known, self.classes_):
+            raise ValueError(f"classes differ from those of the first call: expected {self.classes_}, found {known}")
         if not np.isin(labels, known).all():
             raise ValueError(f"y contains labels other than the classes {known}")
         outcomes = labels == known[1]
@@ -210,7 +212,8 @@ class GaussianProcessClassifier(ClassifierMixin, BaseEstimator):
                 raise ValueError("the gradient can be evaluated only for a given theta")
             return self.log_marginal_likelihood_value_
         translation = translate(self.kernel_, self.n_features_in_)
-        value, gradient = self._evidence(translation, np.asarray(theta), self.X_train_, self.y_train_)
+        events, points = (self.X_train_, self.y_train_), self.inducing_points_
+        value, gradient = self._evidence(translation, np.asarray(theta), *events, points)
         return (value, gradient) if eval_gradient else value
 
     def _translation(self, X: NDArray[Any], last: Any) -> Translation:
@@ -272,7 +275,7 @@ class GaussianProcessClassifier(ClassifierMixin, BaseEstimator):
         """Runs the optimiser of the caller from every start, and fits the events under the best prior."""
 
         def objective(theta: NDArray[np.float64], eval_gradient: bool = True) -> Any:
-            value, gradient = self._evidence(translation, theta, X, outcomes)
+            value, gradient = self._evidence(translation, theta, X, outcomes, self._points(X))
             return (-value, -gradient) if eval_gradient else -value
 
         ends = [self.optimizer(objective, start, bounds=translation.kernel.bounds) for start in starts]
@@ -280,15 +283,14 @@ class GaussianProcessClassifier(ClassifierMixin, BaseEstimator):
         return self._fitted(translation.prior_at(theta), X, outcomes)
 
     def _evidence(
-        self, translation: Translation, theta: NDArray[Any], X: NDArray[Any], outcomes: NDArray[Any]
+        self, translation: Translation, theta: NDArray[Any], X: NDArray[Any], outcomes: NDArray[Any], points: Any
     ) -> tuple[float, NDArray[np.float64]]:
-        """Returns the evidence bound and its gradient at free hyperparameters."""
-        points = getattr(self, "inducing_points_", None)
+        """Returns the evidence bound on inducing points and its gradient at free hyperparameters."""
         fit, gradient = _dgpc.evidence(
             translation.prior_at(theta),
             X,
             outcomes,
-            inducing_points=self._points(X) if points is None else points,
+            inducing_points=points,
             iterations_max=self.max_iter_predict,
         )
         return fit.evidence, translation.theta_of(gradient)
@@ -329,7 +331,8 @@ class GaussianProcessClassifier(ClassifierMixin, BaseEstimator):
         version, checksum = state.pop("_state_version", None), state.pop("_checksum", None)
         if not isinstance(version, int) or version > STATE_VERSION:
             raise ValueError(f"this pickle has version {version}; this package reads versions up to {STATE_VERSION}")
-        if "prior_" in state and checksum != _checksum(state):
+        is_fitted = any(name.endswith("_") and not name.startswith("_") for name in state)
+        if (is_fitted or checksum is not None) and checksum != _checksum(state):
             raise ValueError("this pickle is damaged: the checksum differs")
         super().__setstate__(state)
         if "prior_" in state:
@@ -337,11 +340,13 @@ class GaussianProcessClassifier(ClassifierMixin, BaseEstimator):
 
 
 def _checksum(state: dict[str, Any]) -> int:
-    """Returns a checksum of the prior, the events, ω and the inducing points of a fitted estimator."""
+    """Returns a checksum of the fitted state of an estimator."""
     try:
         numbers = [state["X_train_"], state["y_train_"], state["omega_"], state["inducing_points_"]]
+        numbers += [state["kernel_"].theta, state["log_marginal_likelihood_value_"]]
         parts = [np.ascontiguousarray(part).tobytes() for part in numbers if part is not None]
-        shapes = repr([np.shape(part) for part in numbers]).encode()
-        return zlib.crc32(b"".join([shapes, state["prior_"].to_bytes(), *parts]))
+        others = [state[name] for name in ["kernel_", "n_features_in_", "n_iter_"]] + [state["classes_"].tolist()]
+        words = repr([*map(np.shape, numbers), *others]).encode()
+        return zlib.crc32(b"".join([words, state["prior_"].to_bytes(), *parts]))
     except (KeyError, AttributeError, TypeError) as error:
         raise ValueError(f"this pickle is damaged: {error!r}") from error

@@ -112,8 +112,16 @@ def _term(factors: list[Any]) -> list[Any]:
     if not others:
         raise ValueError(f"a constant alone is not supported; supported are {SUPPORTED}")
     value = float(np.prod([constant.constant_value for constant in constants]))
-    bounds = [constant.constant_value_bounds for constant in constants if not constant.hyperparameters[0].fixed]
-    return [ConstantKernel(value, bounds[0] if bounds else "fixed"), *others]
+    is_fixed = [constant.hyperparameters[0].fixed for constant in constants]
+    if all(is_fixed):
+        return [ConstantKernel(value, "fixed"), *others]
+    # The bounds of a product of constants are the products of their bounds. A fixed one is its own bound.
+    limits = [
+        [constant.constant_value] * 2 if fixed else constant.hyperparameters[0].bounds[0]
+        for constant, fixed in zip(constants, is_fixed)
+    ]
+    lower, upper = np.prod(np.array(limits, dtype=float), axis=0)
+    return [ConstantKernel(value, (float(lower), float(upper))), *others]
 
 
 def _product(factors: list[Any]) -> Any:

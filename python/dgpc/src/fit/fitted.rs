@@ -1,12 +1,14 @@
 //! Fitted mean fields.
 
+use dgpc::Monitor;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 
 use super::propagated::Propagated;
 use super::stored::{End, StoredFit};
 use crate::border::{
-    Numbers, Outcomes, Points, Table, Vector, Whole, array, check_memory, decode, encode, indices, reduce, vector, work,
+    Numbers, Outcomes, Points, Table, Vector, Whole, array, check_memory, decode, encode, indices, reduce, vector,
+    watched, work,
 };
 use crate::posterior::{Parts, Posterior, Sites, Summary, observations, pair, references};
 use crate::prior::Prior;
@@ -222,7 +224,7 @@ impl Fit {
         let summaries = references(&summaries);
         let rows = self.rows(&summaries);
         check_memory(&[4, rows, rows])?;
-        work(py, || Propagated::of(&self.fit, &summaries))
+        watched(py, None, |monitor| Propagated::of(&self.fit, &summaries, Monitor::new(monitor)))
     }
 
     /// Returns the fit of the bytes. Damaged and newer bytes raise a `ValueError`.

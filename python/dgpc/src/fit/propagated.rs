@@ -1,6 +1,6 @@
 //! Expectation propagation.
 
-use dgpc::Inputs;
+use dgpc::{Inputs, Monitor};
 use pyo3::prelude::*;
 
 use crate::border::work;
@@ -17,9 +17,9 @@ pub struct Propagated {
 
 impl Propagated {
     /// Runs expectation propagation from a fit.
-    pub fn of(fit: &dgpc::Fit, messages: &[&dgpc::Summary]) -> dgpc::Result<Self> {
+    pub fn of(fit: &dgpc::Fit, messages: &[&dgpc::Summary], monitor: Monitor<'_>) -> dgpc::Result<Self> {
         Ok(Self {
-            propagated: fit.propagated_with(messages)?,
+            propagated: fit.propagated_monitored(messages, monitor)?,
             prior: fit.prior().clone(),
             inducing_points: fit.inducing_points().cloned(),
             messages: copies(messages),

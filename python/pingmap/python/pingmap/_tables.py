@@ -69,9 +69,13 @@ def column(table: Any, name: str) -> list[str]:
 
     Numbers keep all their digits. A missing name, kind or heading is an empty field.
     """
+    if np.ma.is_masked(table[name]):
+        raise ValueError(f"column {name}: masked values are not supported; leave out these rows")
     values = np.asarray(table[name])
     if values.ndim != 1:
         raise ValueError(f"column {name}: expected an array of one dimension, found {values.ndim}")
+    if values.dtype.kind in "mM":
+        raise ValueError(f"column {name}: expected numbers, such as seconds since 1970, found {values.dtype}")
     return [field(value, name) for value in values.tolist()]
 
 
@@ -131,4 +135,5 @@ def array(name: str, fields: Sequence[str]) -> Array:
         values = np.array([float(text) if text else np.nan for text in fields], dtype=float)
     except ValueError:
         return np.array(fields, dtype=str)
-    return values.astype(np.int64) if name == "success" else values
+    is_outcome = name == "success" and np.isin(values, [0.0, 1.0]).all()
+    return values.astype(np.int64) if is_outcome else values

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import builtins
 import hashlib
+import inspect
 import itertools
 import json
 import os
@@ -16,6 +17,8 @@ import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from . import __version__, _commands
 
@@ -117,6 +120,7 @@ def sweep(
         ...     sweep(root, grid(x=[4.0, 9.0]), folder)
         {'x': [4.0, 9.0], 'root': [2.0, 3.0]}
     """
+    tasks = [{name: _plain(value) for name, value in task.items()} for task in tasks]
     # A worker may have another working directory.
     where = Path(folder).resolve()
     where.mkdir(parents=True, exist_ok=True)
@@ -138,6 +142,11 @@ def sweep(
     return _table(tasks, files)
 
 
+def _plain(value: Any) -> Any:
+    """Returns a number of NumPy as a number of Python."""
+    return value.item() if isinstance(value, np.generic) else value
+
+
 def _digest(function: Callable[..., Any], task: Mapping[str, Any]) -> str:
     """Returns the digest of everything that decides the result of a task."""
 
@@ -146,14 +155,23 @@ def _digest(function: Callable[..., Any], task: Mapping[str, Any]) -> str:
             return {"sha256": hashlib.sha256(Path(value).read_bytes()).hexdigest()}
         raise ValueError(f"a task holds numbers, text and paths, found {value!r}")
 
+    if not hasattr(function, "__qualname__"):
+        raise ValueError(f"expected a function that is defined with def, found {function!r}")
     name = f"{function.__module__}.{function.__qualname__}"
-    content = json.dumps([__version__, name, task], sort_keys=True, default=described)
+    # Two functions may have one name: one that was edited, or two that are defined in other functions.
+    try:
+        source = inspect.getsource(function)
+    except (OSError, TypeError):
+        source = ""
+    content = json.dumps([__version__, name, source, task], sort_keys=True, default=described)
     return hashlib.sha256(content.encode()).hexdigest()
 
 
 def _run(function: Callable[..., Mapping[str, Any]], task: dict[str, Any], file: str) -> None:
     """Runs a task and stores its result. Runs in a worker."""
     result = dict(function(**task))
+    for name in task.keys() & result.keys():
+        raise ValueError(f"the result of the task {task} has the name {name!r} of a parameter; expected another name")
     try:
         content = json.dumps(result)
     except TypeError as error:

@@ -45,6 +45,8 @@ def write_shards(
         ...     [path.name for path in write_shards(folder, [[0.0], [1.0]], [0, 1], shards=2)]
         ['shard-0000.npy', 'shard-0001.npy']
     """
+    if any(np.ma.is_masked(values) for values in (x, y, weights)):
+        raise ValueError("masked values are not supported; leave out the rows that have some")
     columns = [np.asarray(x, dtype=float), np.asarray(y, dtype=float)[:, None]]
     if weights is not None:
         columns.append(np.asarray(weights, dtype=float)[:, None])
@@ -93,7 +95,12 @@ def opened(path: str, columns: int | None, weighted: bool) -> NDArray[Any]:
 
     Without a number of columns, any number is accepted that leaves at least one input.
     """
-    table: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
+    try:
+        table: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
+    except EOFError:
+        raise ValueError("expected an array (.npy), found an empty file") from None
+    if not isinstance(table, np.ndarray):
+        raise ValueError("expected one array (.npy), found an archive of arrays")
     named = "inputs, outcome and weight" if weighted else "inputs and outcome"
     found = f"({named}), found an array of shape {table.shape}"
     if columns is None and (table.ndim != 2 or table.shape[1] < 2 + weighted):

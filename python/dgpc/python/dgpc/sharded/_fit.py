@@ -102,6 +102,8 @@ def fit(
         array([0.75, 0.25])
     """
     paths = distinct(shards)
+    if keep is not None and keep < 0:
+        raise ValueError(f"keep must be at least 0, found {keep}")
     run = ShardedFit(prior, np.asarray(inducing_points, dtype=float), messages=messages, tolerance=tolerance,
                      iterations_max=iterations_max)
     model = _Model(prior.to_bytes(), run.inducing_points, weighted, keep, COVARIANCES_MAX // len(paths))
