@@ -3,6 +3,7 @@
 import doctest
 import os
 import signal
+import threading
 import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
@@ -137,21 +138,33 @@ def test_a_map_that_loses_results_is_refused(paths):
         sharded.fit(PRIOR, paths, POINTS, map=lambda function, *sequences: list(map(function, *sequences))[:3])
 
 
-def test_ray_gives_the_same_bits_even_if_a_worker_is_killed(paths):
+def test_forty_thousand_events_give_the_same_bits_on_ray_even_if_a_worker_is_killed(tmp_path, paths):
     ray = pytest.importorskip("ray", reason="Ray is not installed")
     from dgpc.ray import Workers
 
+    x, y = wave(40_000)
+    points = x[::500]
+    shards = sharded.write_shards(tmp_path / "many", x, y, shards=4)
     ray.init(num_cpus=2, object_store_memory=200_000_000, include_dashboard=False, log_to_driver=False)
     try:
         with Workers(2) as workers:
-            expected = bits(sharded.fit(PRIOR, paths, POINTS))
-            assert bits(sharded.fit(PRIOR, paths, POINTS, map=workers.map)) == expected
+            alone = sharded.fit(PRIOR, shards, points)
+            assert bits(sharded.fit(PRIOR, shards, points, map=workers.map)) == bits(alone)
+            whole = dgpc.fit(PRIOR, x, y, inducing_points=points).posterior()
+            for found, expected in zip(alone.posterior.latent(x[::100]), whole.latent(x[::100])):
+                assert np.abs(found - expected).max() < 1e-6
+
+            first = ray.get(workers.actors[0].process.remote())
 
             def kill(iterations, change):
                 if iterations == 3:
-                    os.kill(ray.get(workers.actors[0].process.remote()), signal.SIGKILL)
+                    # The worker ends while it works on the next round.
+                    threading.Timer(0.005, lambda: os.kill(first, signal.SIGKILL)).start()
 
-            assert bits(sharded.fit(PRIOR, paths, POINTS, map=workers.map, progress=kill)) == expected
+            assert bits(sharded.fit(PRIOR, shards, points, map=workers.map, progress=kill)) == bits(alone)
+            assert ray.get(workers.actors[0].process.remote()) != first, "the worker was not killed"
+            with pytest.raises(ray.exceptions.RayActorError):
+                list(workers.map(os._exit, [3]))
             with pytest.raises(ValueError, match="missing.npy"):
                 sharded.fit(PRIOR, [*paths, "missing.npy"], POINTS, map=workers.map)
 

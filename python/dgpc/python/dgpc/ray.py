@@ -17,12 +17,15 @@ except ModuleNotFoundError as error:
 
 __all__ = ["Workers"]
 
+#: A task that ends its worker so many times fails: it may need more memory than the machine has.
+TASK_RETRIES = 5
+
 
 class Workers:
     """Worker processes of a Ray cluster, with the interface of ``map``.
 
     Item n of a sequence always goes to worker n modulo `count`, so that a worker keeps its shards between rounds. If a
-    worker dies, Ray starts it again and repeats its task.
+    worker dies, Ray starts it again and repeats its task. A task whose worker dies six times raises an exception of Ray.
 
     Parameters
     ----------
@@ -45,7 +48,7 @@ class Workers:
         # One thread for each worker: several workers of one machine would otherwise compete for its processors.
         environment = {"env_vars": {"RAYON_NUM_THREADS": "1"}}
         start = _Worker.options(  # type: ignore[attr-defined]
-            num_cpus=cpus, max_restarts=-1, max_task_retries=-1, runtime_env=environment
+            num_cpus=cpus, max_restarts=-1, max_task_retries=TASK_RETRIES, runtime_env=environment
         )
         self.actors: list[Any] = [start.remote() for _ in range(count)]
 
