@@ -25,7 +25,8 @@ class Workers:
     """Worker processes of a Ray cluster, with the interface of ``map``.
 
     Item n of a sequence always goes to worker n modulo `count`, so that a worker keeps its shards between rounds. If a
-    worker dies, Ray starts it again and repeats its task. A task whose worker dies six times raises an exception of Ray.
+    worker dies, Ray starts it again and repeats its task. A task whose worker dies six times raises an exception of
+    Ray.
 
     Parameters
     ----------
