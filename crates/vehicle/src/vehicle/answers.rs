@@ -24,11 +24,12 @@ impl Vehicle {
         let predictions = self.agent.predict_intervals(queries.clone()).map_err(|error| failed(&error))?;
         let trust = self.scores.trust();
         let reason = distrust(&trust);
+        // Before any event the answer is that of the conservative range, if the configuration has one.
+        let is_without_events = self.scores.is_empty() && !self.has_events();
+        let is_conservative = is_without_events && self.config.conservative_range_m.is_some();
         let mut links = Vec::with_capacity(predictions.len());
         for (query, prediction) in queries.iter().zip(predictions) {
             let by_range = self.probability_by_range(&query.link);
-            // Before any event the answer is that of the conservative range, if the configuration has one.
-            let is_conservative = self.scores.is_empty() && self.config.conservative_range_m.is_some();
             let probability = if is_conservative { by_range } else { prediction.probability };
             let (low, high) = prediction.interval.map_or((0.0, 1.0), |Interval { low, high, .. }| (low, high));
             let (low, high) = (low.min(probability), high.max(probability));
@@ -37,6 +38,11 @@ impl Vehicle {
         }
         self.send(Message::Prediction { input: self.inputs, trust, links });
         Ok(())
+    }
+
+    /// Returns whether the map has any event, own or of others.
+    fn has_events(&self) -> bool {
+        self.agent.events().len() > 0 || self.agent.status().located_events > 0
     }
 
     fn query(&self, query: &Predict, index: usize) -> Result<LinkQuery, Fault> {

@@ -140,6 +140,18 @@ fn before_any_event_the_answer_is_that_of_the_conservative_range() {
     host.cycles(|_| true, |_, _, _| {});
     let after = host.predict(500.0);
     assert!(after.probability > 0.5 && (after.by_range - 0.5).abs() < 1e-12);
+    // An outcome that was located later is an event, too. It was not predicted before.
+    let mut host = Host::new("conservative_range_m = 500");
+    host.nav(0.0);
+    host.nav(SLOT_S + 1.0);
+    host.hear(SLOT_S + 2.0);
+    host.nav(3.0 * SLOT_S);
+    host.peer(0.0, PeerSource::Other);
+    host.peer(2.0 * SLOT_S, PeerSource::Other);
+    let status = host.status();
+    assert_eq!((status.trust.events, status.located_events), (0, 1));
+    let located = host.predict(300.0);
+    assert!(located.probability != located.by_range, "{located:?}");
 }
 
 #[test]
