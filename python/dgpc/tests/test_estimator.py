@@ -304,3 +304,11 @@ def test_every_fitted_attribute_of_a_pickle_is_checked(name, data) -> None:
         damaged |= {name: changed} if change == "replaced" else {"x" + name: value}
         with pytest.raises(ValueError, match="damaged"):
             Classifier().__setstate__(damaged)
+
+
+def test_an_estimator_whose_fit_failed_can_be_copied(data) -> None:
+    x, _ = data
+    model = Classifier()
+    with pytest.raises(ValueError, match="two classes"):
+        model.fit(x, np.zeros(len(x)))
+    assert pickle.loads(pickle.dumps(model)).get_params() == copy.deepcopy(model).get_params()

@@ -156,12 +156,15 @@ def test_forty_thousand_events_give_the_same_bits_on_ray_even_if_a_worker_is_kil
 
             first = ray.get(workers.actors[0].process.remote())
 
+            # The worker ends while it works on the next round.
+            timer = threading.Timer(0.005, lambda: os.kill(first, signal.SIGKILL))
+
             def kill(iterations, change):
                 if iterations == 3:
-                    # The worker ends while it works on the next round.
-                    threading.Timer(0.005, lambda: os.kill(first, signal.SIGKILL)).start()
+                    timer.start()
 
             assert bits(sharded.fit(PRIOR, shards, points, map=workers.map, progress=kill)) == bits(alone)
+            timer.join()
             assert ray.get(workers.actors[0].process.remote()) != first, "the worker was not killed"
             with pytest.raises(ray.exceptions.RayActorError):
                 list(workers.map(os._exit, [3]))

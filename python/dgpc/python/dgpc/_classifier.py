@@ -19,6 +19,12 @@ from ._kernels import Translation, translate
 
 STATE_VERSION = 1
 
+#: Attributes that a fit sets.
+FITTED = frozenset(
+    ["X_train_", "y_train_", "omega_", "inducing_points_", "kernel_", "prior_", "n_iter_"]
+    + ["log_marginal_likelihood_value_"]
+)
+
 L_BFGS = "fmin_l_bfgs_b"
 
 
@@ -143,11 +149,13 @@ class GaussianProcessClassifier(ClassifierMixin, BaseEstimator):
         """
         is_first = not hasattr(self, "classes_")
         inputs, labels = validate_data(self, X, y, reset=is_first)
-        known = np.unique(np.asarray(classes)) if classes is not None else getattr(self, "classes_", None)
+        known: Any = np.unique(np.asarray(classes)) if classes is not None else getattr(self, "classes_", None)
+        if not is_first:
+            if not np.array_equal(known, self.classes_):
+                raise ValueError(f"classes differ from those before: expected {self.classes_}, found {known}")
+            known = self.classes_
         if known is None or known.size != 2:
             raise ValueError("the first call of partial_fit needs classes, an array of two labels")
-        if not is_first and not np.array_equal(known, self.classes_):
-            raise ValueError(f"classes differ from those of the first call: expected {self.classes_}, found {known}")
         if not np.isin(labels, known).all():
             raise ValueError(f"y contains labels other than the classes {known}")
         outcomes = labels == known[1]
@@ -331,8 +339,7 @@ class GaussianProcessClassifier(ClassifierMixin, BaseEstimator):
         version, checksum = state.pop("_state_version", None), state.pop("_checksum", None)
         if not isinstance(version, int) or version > STATE_VERSION:
             raise ValueError(f"this pickle has version {version}; this package reads versions up to {STATE_VERSION}")
-        is_fitted = any(name.endswith("_") and not name.startswith("_") for name in state)
-        if (is_fitted or checksum is not None) and checksum != _checksum(state):
+        if (checksum is not None or not FITTED.isdisjoint(state)) and checksum != _checksum(state):
             raise ValueError("this pickle is damaged: the checksum differs")
         super().__setstate__(state)
         if "prior_" in state:
@@ -343,10 +350,14 @@ def _checksum(state: dict[str, Any]) -> int:
     """Returns a checksum of the fitted state of an estimator."""
     try:
         numbers = [state["X_train_"], state["y_train_"], state["omega_"], state["inducing_points_"]]
-        numbers += [state["kernel_"].theta, state["log_marginal_likelihood_value_"]]
+        numbers += [state["log_marginal_likelihood_value_"], state["n_features_in_"], state["n_iter_"]]
+        texts = [str(label) for label in state["classes_"].tolist()]
+        for name, value in sorted(state["kernel_"].get_params().items()):
+            is_number = np.asarray(value).dtype.kind in "biuf"
+            texts += [name] if is_number else [name, value if isinstance(value, str) else type(value).__name__]
+            numbers += [np.asarray(value, dtype=float)] if is_number else []
         parts = [np.ascontiguousarray(part).tobytes() for part in numbers if part is not None]
-        others = [state[name] for name in ["kernel_", "n_features_in_", "n_iter_"]] + [state["classes_"].tolist()]
-        words = repr([*map(np.shape, numbers), *others]).encode()
+        words = repr([*map(np.shape, numbers), *texts]).encode()
         return zlib.crc32(b"".join([words, state["prior_"].to_bytes(), *parts]))
     except (KeyError, AttributeError, TypeError) as error:
         raise ValueError(f"this pickle is damaged: {error!r}") from error

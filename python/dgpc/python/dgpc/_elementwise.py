@@ -10,7 +10,7 @@ from . import _dgpc
 
 def _flat(*arguments: ArrayLike) -> tuple[tuple[int, ...], list[NDArray[np.generic]]]:
     """Returns the common shape of the arguments, and each argument in one dimension."""
-    if any(np.ma.is_masked(argument) for argument in arguments):
+    if any(isinstance(argument, np.ma.MaskedArray) and np.ma.is_masked(argument) for argument in arguments):
         raise ValueError("masked values are not supported")
     arrays = np.broadcast_arrays(*(np.asarray(argument) for argument in arguments))
     return arrays[0].shape, [array.reshape(-1) for array in arrays]

@@ -17,7 +17,7 @@ except ModuleNotFoundError as error:
 
 __all__ = ["Workers"]
 
-#: A task that ends its worker so many times fails: it may need more memory than the machine has.
+#: Number of times that a task is repeated after its worker died. It may need more memory than the machine has.
 TASK_RETRIES = 5
 
 

@@ -155,8 +155,8 @@ def _digest(function: Callable[..., Any], task: Mapping[str, Any]) -> str:
             return {"sha256": hashlib.sha256(Path(value).read_bytes()).hexdigest()}
         raise ValueError(f"a task holds numbers, text and paths, found {value!r}")
 
-    if not hasattr(function, "__qualname__"):
-        raise ValueError(f"expected a function that is defined with def, found {function!r}")
+    if not hasattr(function, "__qualname__") or inspect.ismethod(function) or getattr(function, "__closure__", None):
+        raise ValueError(f"expected a function that is defined with def and captures no variable, found {function!r}")
     name = f"{function.__module__}.{function.__qualname__}"
     # Two functions may have one name: one that was edited, or two that are defined in other functions.
     try:

@@ -45,7 +45,7 @@ def write_shards(
         ...     [path.name for path in write_shards(folder, [[0.0], [1.0]], [0, 1], shards=2)]
         ['shard-0000.npy', 'shard-0001.npy']
     """
-    if any(np.ma.is_masked(values) for values in (x, y, weights)):
+    if any(isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values) for values in (x, y, weights)):
         raise ValueError("masked values are not supported; leave out the rows that have some")
     columns = [np.asarray(x, dtype=float), np.asarray(y, dtype=float)[:, None]]
     if weights is not None:
