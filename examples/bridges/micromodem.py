@@ -48,7 +48,7 @@ class Bridge(logging.Handler):
             self.begin_s = now_s
         elif name == "CATXF" and self.begin_s:
             self.close_frame("departed", time=self.begin_s)
-        elif name == "CAERR" and not self.begin_s or name == "CAXST" and fields[3 if len(fields[0]) == 8 else 4] != "0":
+        elif (name == "CAERR" and not self.begin_s) or name == "CAXST" and fields[3 if len(fields[0]) == 8 else 4] != "0":
             self.close_frame("dropped")
 
     def close_frame(self, kind, **fields):
@@ -64,7 +64,7 @@ class Bridge(logging.Handler):
             time.sleep(max(0, slot_s - time.time()))
             answer = self.pingmap.call({"type": "frame_request", "time": slot_s, "bytes": FRAME_BYTES})
             if answer["type"] == "frame":
-                self.frame = answer
+                self.frame, self.is_loaded, self.begin_s = answer, False, None
                 self.modem.write_nmea(f"$CCCYC,0,{self.own},{BROADCAST},{RATE},0,1")
                 time.sleep(duration_s / 2)
                 if self.frame == answer and not self.is_loaded:

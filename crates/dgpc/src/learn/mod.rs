@@ -295,7 +295,8 @@ fn learn_from(
     let (mut ends, mut failure) = (Vec::<SearchEnd>::new(), None);
     let mut evaluations = 0;
     let found = search.run(starts);
-    let first = found.first().and_then(|first| first.as_ref().ok());
+    // With bounds, a search may begin beside its start.
+    let first = found.first().and_then(|first| first.as_ref().ok()).filter(|_| options.bounds.is_empty());
     let start_evidence = first.map_or(f64::INFINITY, |first| first.start_evidence);
     for end in found {
         match end {

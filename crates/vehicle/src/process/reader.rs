@@ -32,8 +32,9 @@ pub(crate) fn read(input: impl Read, to_owner: &SyncSender<Arrival>, to_host: &S
             }
         };
         let is_stop = matches!(message, Ok(Input::Stop {}));
+        let is_question = matches!(message, Ok(Input::Predict(_) | Input::Status {}));
         let sent = to_owner.try_send(Arrival { number, message, is_after_loss });
-        is_after_loss = matches!(sent, Err(TrySendError::Full(_)));
+        is_after_loss = matches!(sent, Err(TrySendError::Full(_))) && (is_after_loss || !is_question);
         let is_passed = match sent {
             Ok(()) => true,
             Err(TrySendError::Full(arrival)) if is_stop => to_owner.send(arrival).is_ok(),

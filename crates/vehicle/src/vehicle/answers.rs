@@ -40,9 +40,9 @@ impl Vehicle {
         Ok(())
     }
 
-    /// Returns whether the map has any event, own or of others.
+    /// Returns whether the map has any event, own or of others. Summaries do not count.
     fn has_events(&self) -> bool {
-        self.agent.events().len() > 0 || self.agent.status().located_events > 0
+        self.counting_events().next().is_some() || self.agent.status().located_events > 0
     }
 
     fn query(&self, query: &Predict, index: usize) -> Result<LinkQuery, Fault> {

@@ -100,11 +100,13 @@ impl Vehicle {
             Some(time_s) => self.agent.frame_departed(token, time_s),
             None => self.agent.frame_dropped(token),
         };
-        let was_open = self.open_frames.remove(&token).is_some();
         match changed {
-            Ok(entry) => self.records.push(Record::Entry(entry)),
-            // The agent has forgotten the frame, because many others followed.
-            Err(AgentError::NoSuchFrame(_)) if was_open => {}
+            Ok(entry) => {
+                self.records.push(Record::Entry(entry));
+                self.open_frames.remove(&token);
+            }
+            // The agent has forgotten the frame, because many others followed. The next base leaves it out.
+            Err(AgentError::NoSuchFrame(_)) if self.open_frames.remove(&token).is_some() => self.wants_base = true,
             Err(AgentError::NoSuchFrame(_)) => {
                 let expected = "the token of a frame of this vehicle";
                 return Err(Fault::of_field(FaultCode::UnknownToken, "token", token, expected));
@@ -119,12 +121,10 @@ impl Vehicle {
 
     /// Notes that the vehicle transmitted at a time. It cannot receive meanwhile.
     pub(crate) fn note_transmission(&mut self, time_s: f64) {
+        self.late_reports += u64::from(self.is_counted(time_s));
         let slots = &self.agent.team().slots;
         match slots.sent_in(time_s, self.id()) {
-            Some(slot) => {
-                self.late_reports += u64::from(self.ledger.is_settled(slot));
-                self.change_ledger(LedgerRecord::Sent { slot });
-            }
+            Some(slot) => self.change_ledger(LedgerRecord::Sent { slot }),
             None => {
                 let to_s = time_s + slots.duration_s;
                 self.change_ledger(LedgerRecord::Deaf { from_s: time_s, to_s, reason: "transmitting".into() });

@@ -42,6 +42,8 @@ impl Vehicle {
     /// Notes that messages before the next one were not handled. Receptions may be among them, so that no slot counts
     /// from the last counted one to the next navigation.
     pub fn note_lost_messages(&mut self) {
+        // Navigation before the loss does not confirm the time after it.
+        self.unconfirmed = None;
         let slots = &self.agent.team().slots;
         let Some(clock_s) = self.ledger.clock_s() else { return };
         let from_s = slots.begin_s(self.ledger.next()).map_or(clock_s, |begin_s| begin_s.min(clock_s));
@@ -243,7 +245,8 @@ impl Vehicle {
             let sigma_max_s = self.config.clock.sigma_max_s.unwrap_or(0.25 * self.agent.team().slots.duration_s);
             let sigma_s = nav.clock_sigma.unwrap_or(self.config.clock.sigma_s);
             self.note_deafness(CLOCK, sigma_s > sigma_max_s, nav.time);
-            self.note_deafness(LOST_MESSAGES, false, nav.time);
+            let now_s = self.ledger.clock_s().map_or(nav.time, |clock_s| clock_s.max(nav.time));
+            self.note_deafness(LOST_MESSAGES, false, now_s);
         }
         if nav.sigma.is_some_and(|sigma_m| sigma_m > self.config.navigation.sigma_max_m) {
             return Ok(());
@@ -328,7 +331,7 @@ impl Vehicle {
     }
 
     /// Returns whether the slot at a time was counted.
-    fn is_counted(&self, time_s: f64) -> bool {
+    pub(crate) fn is_counted(&self, time_s: f64) -> bool {
         self.agent.team().slots.number(time_s).is_some_and(|slot| self.ledger.is_settled(slot))
     }
 

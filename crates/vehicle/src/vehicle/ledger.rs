@@ -235,7 +235,9 @@ impl Ledger {
 
     /// Returns whether the vehicle could not receive for one of these reasons, in a part of an interval.
     pub(crate) fn is_deaf_for(&self, reasons: &[&str], span_s: (f64, f64)) -> bool {
-        self.deaf_in(span_s).any(|reason| reasons.contains(&reason))
+        let lasting =
+            self.deaf_since_s.iter().filter(|(_, from_s)| **from_s < span_s.1).map(|(reason, _)| reason.as_str());
+        self.deaf_in(span_s).chain(lasting).any(|reason| reasons.contains(&reason))
     }
 
     /// Returns the reasons of intervals in which the vehicle could not receive, and that overlap with an interval.

@@ -217,7 +217,8 @@ impl Vehicle {
             warning += "there is no snapshot, so that the vehicle begins without data and sends nothing";
         }
         self.open_frames.clear();
-        self.recovery = Some(warning.clone());
+        let earlier = self.recovery.take().map(|earlier| earlier + "; ").unwrap_or_default();
+        self.recovery = Some(earlier + &warning);
         self.warnings.push(warning);
         self.begin_snapshot();
         self.base()

@@ -80,7 +80,7 @@ impl Vehicle {
     /// Tells the team that an own slot was not used.
     fn count_own_slot(&mut self, slot: u32, span_s: (f64, f64)) {
         let is_open = self.open_frames.values().any(|&expected| expected == Some(slot));
-        let was_running = !self.ledger.is_deaf_for(&[NOT_RUNNING, NO_INPUT, WRONG_CLOCK], span_s);
+        let was_running = !self.ledger.is_deaf_for(&[NOT_RUNNING, NO_INPUT, WRONG_CLOCK, LOST_MESSAGES], span_s);
         if self.config.slots.reports_transmissions && was_running && !is_open && !self.ledger.has_sent(slot) {
             let entries = self.agent.record_unused_slots([span_s.0]).unwrap_or_default();
             self.records.extend(entries.into_iter().map(Record::Entry));

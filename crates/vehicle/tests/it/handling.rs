@@ -423,6 +423,26 @@ fn no_slot_counts_where_messages_were_dropped() {
 }
 
 #[test]
+fn a_loss_of_messages_between_the_first_two_reports_excludes_slots_and_claims_nothing() {
+    for is_started in [false, true] {
+        let mut host = Host::new("slots.reports_transmissions = true");
+        if is_started {
+            host.nav(0.0);
+            host.nav(5.0);
+            host = host.restarted();
+        }
+        host.nav(10.0);
+        host.vehicle.note_lost_messages();
+        host.peer(10.0, PeerSource::Other);
+        host.peer(55.0, PeerSource::Other);
+        // The own slot from 20 s on may have been used, and Bob's slots until 40 s may have been heard.
+        [35.0, 40.0, 48.0].into_iter().for_each(|time_s| host.nav(time_s));
+        assert_eq!(host.events, [], "{is_started}");
+        assert_eq!(host.unused_slots(0), 0, "{is_started}");
+    }
+}
+
+#[test]
 fn transmissions_and_deaf_intervals_after_their_slot_was_counted_are_late() {
     let mut host = Host::new("");
     host.cycles(|_| true, |_, _, _| {});

@@ -179,8 +179,10 @@ fn a_day_of_four_vehicles() {
         by_hour.push((per_event_ms, resident_mb));
     }
     // From the sixth hour on, limits are reached. The machine may be slower at times.
+    let most =
+        by_hour.iter().take(6).fold((0.0, 0.0), |most: (f64, f64), hour| (most.0.max(hour.0), most.1.max(hour.1)));
     for (per_event_ms, resident_mb) in by_hour.iter().skip(6) {
-        assert!(*per_event_ms < 2.0 * by_hour[5].0 && *resident_mb < 1.5 * by_hour[5].1, "{by_hour:?}");
+        assert!(*per_event_ms < 2.0 * most.0 && *resident_mb < 1.5 * most.1, "{by_hour:?}");
     }
     eprintln!("CPU {:.0} s, peak {:.0} MB of one process", cpu_s(id), memory_mb(id, "VmHWM"));
     let report = fleet.ask(0, &json!({ "type": "status" }));
