@@ -295,7 +295,7 @@ fn learn_from(
     let (mut ends, mut failure) = (Vec::<SearchEnd>::new(), None);
     let mut evaluations = 0;
     let found = search.run(starts);
-    // With bounds, a search may begin beside its start.
+    // With bounds, a search may begin near its start instead of at it.
     let first = found.first().and_then(|first| first.as_ref().ok()).filter(|_| options.bounds.is_empty());
     let start_evidence = first.map_or(f64::INFINITY, |first| first.start_evidence);
     for end in found {
