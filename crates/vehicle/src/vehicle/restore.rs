@@ -146,21 +146,24 @@ impl Vehicle {
         let id = config.vehicle.clone();
         let agent = Agent::restore(id, team, config.agent_options(), snapshot).map_err(|error| error.to_string())?;
         let rest: Rest = serde_json::from_slice(rest).map_err(|error| error.to_string())?;
-        let Rest { ledger, scores, team, counters, silence, positions, open_frames, recovery, .. } = rest;
-        let Rest { late_receptions, late_reports, .. } = rest;
-        let warnings = recovery.iter().cloned().collect();
-        let vehicle = Self::with_agent(config, agent, reference);
-        let mut vehicle = Self { scores, late_receptions, late_reports, recovery, warnings, ..vehicle };
-        vehicle.positions.restore(positions);
+        let mut vehicle = Self {
+            scores: rest.scores,
+            late_receptions: rest.late_receptions,
+            late_reports: rest.late_reports,
+            warnings: rest.recovery.iter().cloned().collect(),
+            recovery: rest.recovery,
+            ..Self::with_agent(config, agent, reference)
+        };
+        vehicle.positions.restore(rest.positions);
         let digest = vehicle.team_digest();
-        if let Some(&next) = counters.get(&digest) {
+        if let Some(&next) = rest.counters.get(&digest) {
             vehicle.agent.raise_counter(next);
         }
-        vehicle.former_counters = counters;
+        vehicle.former_counters = rest.counters;
         vehicle.begin_snapshot();
-        Ok(match team == digest {
-            true => Self { ledger, silence, open_frames, ..vehicle },
-            false => Self { ledger: ledger.restarted(), ..vehicle },
+        Ok(match rest.team == digest {
+            true => Self { ledger: rest.ledger, silence: rest.silence, open_frames: rest.open_frames, ..vehicle },
+            false => Self { ledger: rest.ledger.restarted(), ..vehicle },
         })
     }
 
