@@ -207,13 +207,14 @@ impl Correlation {
             Some((source, false)) => (source, 1.0 / length_scale),
             None => (column, 1.0 / length_scale),
         };
-        let picks = self.columns.iter().zip(&self.length_scales).map(pick);
-        let scaled = picks.flat_map(|(column, factor)| inputs.rows().map(move |row| row[column] * factor));
-        let values = match self.shape.is_of_labels() {
+        let mut values = Vec::with_capacity(self.columns.len() * inputs.len());
+        for (column, factor) in self.columns.iter().zip(&self.length_scales).map(pick) {
+            values.extend(inputs.rows().map(|row| row[column] * factor));
+        }
+        if self.shape.is_of_labels() {
             // A negative label becomes a NaN, so that its distance from every label, including itself, is a NaN.
-            true => scaled.map(|label| if label < 0.0 { f64::NAN } else { label }).collect(),
-            false => scaled.collect(),
-        };
+            values.iter_mut().filter(|label| **label < 0.0).for_each(|label| *label = f64::NAN);
+        }
         Scaled::new(values, inputs.len())
     }
 

@@ -2,7 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use dgpc::{Certificate, Concatenation, Error, LocalityRegion, Observations, Posterior, Prior, Summary, log_evidence};
+use dgpc::{
+    Certificate, Concatenation, Error, LocalityRegion, Observations, Posterior, PosteriorAtPoints, Prior, Summary,
+    log_evidence,
+};
 
 use super::choice::{Choice, Fusion, Omega};
 use super::data_set::DataSet;
@@ -161,11 +164,14 @@ impl<'a> Permutation<'a> {
     fn team(&self, fits: &[RegionFit]) -> Result<TeamOutcome, Error> {
         let test = self.set.observations(&self.held_out())?;
         let mut scores = BTreeMap::new();
-        for choice in Choice::all() {
-            for fusion in Fusion::ALL {
-                for omega in Omega::ALL {
-                    scores.insert((choice, fusion, omega), self.shared(fits, choice, fusion, omega, &test)?);
+        for omega in Omega::ALL {
+            for choice in Choice::all() {
+                for fusion in [Fusion::Concatenation, Fusion::SiteFusion] {
+                    scores.insert((choice, fusion, omega), self.packets_alone(fits, choice, fusion, omega, &test)?);
                 }
+            }
+            for (choice, score) in own_and_packets(fits, omega, &test)? {
+                scores.insert((choice, Fusion::OwnAndPackets, omega), score);
             }
         }
         Ok(TeamOutcome { scores, centralised: self.centralised(&test)? })
@@ -184,8 +190,8 @@ impl<'a> Permutation<'a> {
         Omega::ALL.into_iter().map(score_of).collect()
     }
 
-    /// Returns the score of a team after sharing the points of a choice.
-    fn shared(
+    /// Returns the score of a receiver that holds the packets of all agents and no events.
+    fn packets_alone(
         &self,
         fits: &[RegionFit],
         choice: Choice,
@@ -194,28 +200,39 @@ impl<'a> Permutation<'a> {
         test: &Observations,
     ) -> Result<Score, Error> {
         let draws = 0..fits.first().map_or(0, |fit| fit.own.of(omega).len());
-        let of_draw = |s: usize| fits.iter().map(|fit| &fit.packets(choice, omega)[s]).collect::<Vec<&Summary>>();
-        let concatenated = |s| Concatenation::new(self.prior, &of_draw(s))?.probability(test.inputs());
-        let fused = |s| Posterior::of_summaries(self.prior, &of_draw(s))?.probability(test.inputs());
-        match fusion {
-            Fusion::Concatenation => score(draws.map(concatenated), test),
-            Fusion::SiteFusion => score(draws.map(fused), test),
-            Fusion::OwnAndPackets => {
-                let of_agent = |(agent, fit): (usize, &RegionFit)| {
-                    let posteriors = fit.own.of(omega).iter().enumerate().map(|(s, own)| {
-                        let mut others = of_draw(s);
-                        others.remove(agent);
-                        let mut posterior = own.clone();
-                        posterior.absorb_summaries(&others)?;
-                        posterior.probability(test.inputs())
-                    });
-                    score(posteriors, test)
-                };
-                let scores = fits.iter().enumerate().map(of_agent).collect::<Result<Vec<Score>, Error>>()?;
-                Score::mean(&scores).ok_or(NOTHING_HELD_OUT)
+        let probability = |s: usize| {
+            let packets: Vec<&Summary> = fits.iter().map(|fit| &fit.packets(choice, omega)[s]).collect();
+            match fusion {
+                Fusion::Concatenation => Concatenation::new(self.prior, &packets)?.probability(test.inputs()),
+                _ => Posterior::of_summaries(self.prior, &packets)?.probability(test.inputs()),
             }
+        };
+        score(draws.map(probability), test)
+    }
+}
+
+/// Returns the score of every choice if each agent holds its own events and the packets of the others, as a mean over
+/// agents.
+fn own_and_packets(fits: &[RegionFit], omega: Omega, test: &Observations) -> Result<BTreeMap<Choice, Score>, Error> {
+    let mut of_agents = BTreeMap::<Choice, Vec<Score>>::new();
+    for (agent, fit) in fits.iter().enumerate() {
+        let own = fit.own.of(omega);
+        // The choices differ in the rows of the packets alone, so the rows of the own events are prepared once.
+        let at_test = own.iter().map(|own| PosteriorAtPoints::new(own, test.inputs()));
+        let mut at_test = at_test.collect::<Result<Vec<_>, Error>>()?;
+        for choice in Choice::all() {
+            let probabilities = own.iter().zip(&mut at_test).enumerate().map(|(s, (own, at_test))| {
+                let others = fits.iter().enumerate().filter(|&(other, _)| other != agent);
+                let packets: Vec<&Summary> = others.map(|(_, fit)| &fit.packets(choice, omega)[s]).collect();
+                let mut posterior = own.clone();
+                posterior.absorb_summaries(&packets)?;
+                Ok(at_test.latent(&posterior)?.probability())
+            });
+            of_agents.entry(choice).or_default().push(score(probabilities, test)?);
         }
     }
+    let mean = |(choice, scores): (Choice, Vec<Score>)| Ok((choice, Score::mean(&scores).ok_or(NOTHING_HELD_OUT)?));
+    of_agents.into_iter().map(mean).collect()
 }
 
 /// Returns the score of the mean prediction of several posteriors.
