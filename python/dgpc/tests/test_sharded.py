@@ -126,6 +126,39 @@ def test_bad_shards_are_refused_by_name(tmp_path, paths):
         sharded.write_shards(tmp_path, X, Y, shards=2)
 
 
+def test_a_shard_with_a_damaged_header_is_refused(tmp_path):
+    (path,) = sharded.write_shards(tmp_path, X[:200], Y[:200], shards=1)
+    content = path.read_bytes()
+    bits_of_header = [(place, 1 << bit) for place in range(128) for bit in range(8)]
+    refused = 0
+    for place, bit in bits_of_header:
+        path.write_bytes(content[:place] + bytes([content[place] ^ bit]) + content[place + 1 :])
+        try:
+            table = sharded._files.opened(str(path), 3, False)
+        except ValueError:
+            refused += 1
+        else:
+            assert table.shape == (200, 3) and (table.dtype.byteorder == ">" or (table[:, 2] == Y[:200]).all())
+    assert refused > 500
+    path.write_bytes(content.replace(b"(200, 3)", b"(000, 3)"))
+    for call in (lambda: sharded.fit(PRIOR, [path], POINTS), lambda: sharded.learn(PRIOR, [path], seed=1)):
+        with pytest.raises(ValueError, match=r"shard-0000.npy: expected 128 bytes .* \(0, 3\), found 4928 bytes"):
+            call()
+    path.write_bytes(content + b"\0")
+    with pytest.raises(ValueError, match="shard-0000.npy: expected 4928 bytes .* found 4929 bytes"):
+        sharded.fit(PRIOR, [path], POINTS)
+
+
+def test_a_file_that_numpy_cannot_parse_is_named(tmp_path, paths):
+    content, bad = paths[0].read_bytes(), tmp_path / "bad.npy"
+    damaged = [(b"'descr'", b"'descr("), (b"}", b" "), (b"'descr': ", b"'descr':=1")]
+    for bytes_of_file in [b"PK\x03\x04junk", *(content.replace(*parts, 1) for parts in damaged)]:
+        bad.write_bytes(bytes_of_file)
+        for call in (lambda: sharded.fit(PRIOR, [bad], POINTS), lambda: sharded.learn(PRIOR, [bad], seed=1)):
+            with pytest.raises(ValueError, match="bad.npy: expected an array"):
+                call()
+
+
 def test_an_empty_shard_changes_nothing(tmp_path, paths):
     empty = tmp_path / "empty.npy"
     np.save(empty, np.zeros((0, 3)))

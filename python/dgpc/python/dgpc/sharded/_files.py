@@ -96,11 +96,14 @@ def opened(path: str, columns: int | None, weighted: bool) -> NDArray[Any]:
     Without a number of columns, any number is accepted that leaves at least one input.
     """
     try:
-        table: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
-    except EOFError:
-        raise ValueError("expected an array (.npy), found an empty file") from None
-    if not isinstance(table, np.ndarray):
+        table: Any = np.load(path, mmap_mode="r", allow_pickle=False)
+    except Exception as error:  # a damaged header may raise a SyntaxError, a damaged archive a BadZipFile
+        raise ValueError(f"expected an array (.npy): {error}") from error
+    if not isinstance(table, np.memmap):
         raise ValueError("expected one array (.npy), found an archive of arrays")
+    size, expected = os.path.getsize(path), table.offset + table.nbytes
+    if size != expected:
+        raise ValueError(f"expected {expected} bytes for an array of shape {table.shape}, found {size} bytes")
     named = "inputs, outcome and weight" if weighted else "inputs and outcome"
     found = f"({named}), found an array of shape {table.shape}"
     if columns is None and (table.ndim != 2 or table.shape[1] < 2 + weighted):
