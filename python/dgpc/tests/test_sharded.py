@@ -84,6 +84,17 @@ def test_a_changed_file_is_read_again(tmp_path, paths):
     assert sharded.fit(PRIOR, paths, POINTS).evidence != before
 
 
+def test_a_changed_file_with_the_old_time_of_modification_is_read_again(tmp_path, paths):
+    before, state = sharded.fit(PRIOR, paths, POINTS).evidence, os.stat(paths[0])
+    table = np.load(paths[0])
+    table[:, 2] = 1.0 - table[:, 2]
+    np.save(paths[0], table)
+    os.utime(paths[0], ns=(state.st_atime_ns, state.st_mtime_ns))
+    found = sharded.fit(PRIOR, paths, POINTS).evidence
+    sharded._fit._kept.clear()
+    assert found == sharded.fit(PRIOR, paths, POINTS).evidence != before
+
+
 def test_threads_with_many_inducing_points_give_the_same_bits(tmp_path):
     paths = sharded.write_shards(tmp_path, X, Y, shards=8)
     with ThreadPoolExecutor(4) as threads:

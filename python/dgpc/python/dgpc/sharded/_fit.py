@@ -140,7 +140,7 @@ class _Model(NamedTuple):
 
 
 #: The shards that this process keeps, by file and model; the least recently used one is first.
-_kept: OrderedDict[tuple[str, int, bytes], Shard] = OrderedDict()
+_kept: OrderedDict[tuple[str, tuple[int, ...], bytes], Shard] = OrderedDict()
 
 #: Several threads may be workers of one process.
 _lock = threading.Lock()
@@ -149,7 +149,10 @@ _lock = threading.Lock()
 def _contribute(path: str, model: _Model, request: NDArray[np.float64]) -> NDArray[np.float64]:
     """Returns the contribution of one shard to a request. Runs in a worker."""
     with naming(path):
-        key = (path, os.stat(path).st_mtime_ns, model.digest())
+        state = os.stat(path)
+        # The time of modification alone can be restored after a change; the other numbers differ then.
+        version = (state.st_mtime_ns, state.st_ctime_ns, state.st_size, state.st_ino)
+        key = (path, version, model.digest())
         with _lock:
             shard = _kept.pop(key, None)
             # Earlier models and contents of the file are not needed again.
