@@ -270,6 +270,17 @@ def test_learning_passes_weights_messages_and_options(tmp_path, paths):
     assert found.prior == dgpc.learn(TEMPLATE, X, Y, weights=np.full(len(Y), 0.5)).prior
 
 
+def test_learning_without_weighted_refuses_files_with_weights_of_one(tmp_path):
+    paths = sharded.write_shards(tmp_path, X, Y, shards=2, weights=np.ones(len(Y)))
+    with pytest.raises(ValueError, match="only ones: if these are weights, set weighted=True"):
+        sharded.learn(TEMPLATE, paths, seed=1)
+    for shape, number in [("label", Y), ("matern52", X[:, 0])]:
+        template = dgpc.Prior(dgpc.Term("matern52", 1.0, dimension=2) + dgpc.Term(shape, columns=[2]))
+        x = np.column_stack([X, number])[:50]
+        success = sharded.write_shards(tmp_path / shape, x, np.ones(50), shards=1)
+        assert (sharded.learn(template, success, seed=1).search.fit.mean > 0.0).all(), "a template may use the column"
+
+
 def test_learning_refuses_bad_shards(tmp_path, paths):
     def refused(shards, text, **options):
         with pytest.raises(ValueError, match=text):

@@ -80,7 +80,8 @@ def learn(
     Raises
     ------
     ValueError
-        As `fit`, and if the shards have no events or differ in their columns.
+        As `fit`, and if the shards have no events or differ in their columns. Also if the files seem to have weights
+        of 1 but `weighted` is false.
 
     Examples
     --------
@@ -94,9 +95,12 @@ def learn(
         >>> found.fit.posterior.probability([[0.0], [2.9]]).round(1)
         array([1., 0.])
     """
-    table = _gather(distinct(shards), weighted, events_max, seed, map)
+    paths = distinct(shards)
+    table = _gather(paths, weighted, events_max, seed, map)
     dimension = table.shape[1] - 1 - weighted
     x, y, weights = table[:, :dimension], table[:, dimension], table[:, -1] if weighted else None
+    if not weighted and _has_weights(template, x, y):
+        raise ValueError("the last column contains only ones: if these are weights, set weighted=True")
     search = learn_in_process(
         template, x, y, weights=weights, messages=messages, search_events_max=events_max, **options
     )
@@ -105,9 +109,15 @@ def learn(
     else:
         points = np.asarray(inducing_points, dtype=float)
     found = fit(
-        search.prior, shards, points, weighted=weighted, messages=messages, map=map, keep=keep, progress=progress
+        search.prior, paths, points, weighted=weighted, messages=messages, map=map, keep=keep, progress=progress
     )
     return LearnedShards(search.prior, found, points, search)
+
+
+def _has_weights(template: Prior, x: NDArray[np.float64], y: NDArray[np.float64]) -> bool:
+    """Returns whether the last input, which the kernel ignores, may be the outcome, and the outcome a weight of 1."""
+    used = {column for term in template.kernel.terms for part in term.correlations for column in part.columns}
+    return bool(x.shape[1] - 1 not in used and (y == 1.0).all() and np.isin(x[:, -1], [0.0, 1.0]).all())
 
 
 def _gather(paths: list[str], weighted: bool, events_max: int, seed: int, map: Map) -> NDArray[np.float64]:
