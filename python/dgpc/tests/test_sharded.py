@@ -2,10 +2,12 @@
 
 import doctest
 import os
+import resource
 import signal
 import threading
 import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
 
 import numpy as np
@@ -168,6 +170,67 @@ def test_a_file_that_numpy_cannot_parse_is_named(tmp_path, paths):
         for call in (lambda: sharded.fit(PRIOR, [bad], POINTS), lambda: sharded.learn(PRIOR, [bad], seed=1)):
             with pytest.raises(ValueError, match="bad.npy: expected an array"):
                 call()
+
+
+def test_a_file_with_two_names_is_refused(tmp_path, paths):
+    for name, make in [("soft.npy", os.symlink), ("hard.npy", os.link)]:
+        make(paths[0], tmp_path / name)
+        with pytest.raises(ValueError, match="the shard is named twice"):
+            sharded.fit(PRIOR, [*paths, tmp_path / name], POINTS)
+
+
+def test_one_path_in_place_of_a_sequence_is_refused(paths):
+    for path in (paths[0], str(paths[0])):
+        with pytest.raises(TypeError, match="expected a sequence of paths, found the path .*shard-0000.npy"):
+            sharded.fit(PRIOR, path, POINTS)
+
+
+@pytest.mark.parametrize(
+    ("y", "weights", "text"),
+    [
+        (Y[:5], None, "outcomes, one per input: expected 600, found 5"),
+        (Y * 2 - 1, None, "outcomes must be 0 or 1, found -1"),
+        (np.full(600, np.nan), None, "outcomes must be 0 or 1, found NaN"),
+        (Y[:, None], None, "one dimension"),
+        (0, None, "one dimension"),
+        (Y, np.ones(5), "expected 600, found 5"),
+        (Y, np.zeros(600), "weight must be a finite positive number, found 0"),
+        (Y, np.full(600, np.inf), "finite"),
+    ],
+)
+def test_events_that_no_fit_accepts_are_not_written(tmp_path, y, weights, text):
+    with pytest.raises(ValueError, match=text):
+        sharded.write_shards(tmp_path, X, y, shards=2, weights=weights)
+    with pytest.raises(ValueError, match="finite"):
+        sharded.write_shards(tmp_path, np.full((600, 2), np.inf), Y, shards=2)
+    assert not list(tmp_path.iterdir())
+
+
+def test_no_file_remains_after_a_full_disk(tmp_path, paths):
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (4096, before[1]))
+        with pytest.raises(OSError):
+            sharded.write_shards(tmp_path / "full", X[:599], Y[:599], shards=2)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert not list((tmp_path / "full").iterdir())
+    paths[0].unlink()
+    with pytest.raises(FileExistsError):
+        sharded.write_shards(tmp_path, X, Y, shards=4)
+    assert sorted(tmp_path.glob("shard-*")) == paths[1:], "existing files remain"
+
+
+def test_a_process_that_dies_raises_the_error_of_its_pool(paths):
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as processes:
+        def kill(iterations, change):
+            for process in processes._processes.values():
+                process.kill()
+
+        with pytest.raises(BrokenProcessPool):
+            sharded.fit(PRIOR, paths, POINTS, map=processes.map, progress=kill)
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as processes, pytest.raises(BrokenProcessPool):
+        sharded.fit(PRIOR, paths, POINTS, map=lambda function, *items: processes.map(os._exit, [1] * 4))
 
 
 def test_an_empty_shard_changes_nothing(tmp_path, paths):

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .._dgpc import Sites
+
 #: A function like ``map``: it applies a function to the items of one or several sequences, in order.
 Map = Callable[..., Iterable[Any]]
 
@@ -28,6 +30,7 @@ def write_shards(
         Created if it does not exist. Existing files are not replaced.
     x : array of shape (N, d)
     y : array of shape (N,)
+        Outcomes, 0 or 1.
     shards : int
         Number of files.
     weights : array of shape (N,), optional
@@ -36,6 +39,13 @@ def write_shards(
     -------
     list of Path
         In the order that `fit` expects.
+
+    Raises
+    ------
+    ValueError
+        If lengths differ, an input is not finite, an outcome is not 0 or 1, or a weight is not positive.
+    OSError
+        If a file exists or cannot be written, for example because the disk is full. No file of this call remains.
 
     Examples
     --------
@@ -47,29 +57,43 @@ def write_shards(
     """
     if any(isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values) for values in (x, y, weights)):
         raise ValueError("masked values are not supported; leave out the rows that have some")
-    columns = [np.asarray(x, dtype=float), np.asarray(y, dtype=float)[:, None]]
-    if weights is not None:
-        columns.append(np.asarray(weights, dtype=float)[:, None])
+    columns = [np.asarray(values, dtype=float) for values in (x, y, weights) if values is not None]
+    # Sites have the same conditions: lengths, finite inputs, outcomes and weights.
+    Sites(columns[0], columns[1], np.ones(columns[1].shape), *columns[2:])
     if shards < 1:
         raise ValueError(f"shards must be at least 1, found {shards}")
-    table = np.hstack(columns)
+    table = np.column_stack(columns)
     Path(folder).mkdir(parents=True, exist_ok=True)
     paths = [Path(folder) / f"shard-{number:04}.npy" for number in range(shards)]
-    for path, rows in zip(paths, np.array_split(table, shards)):
-        # "x" refuses to replace a file.
-        with open(path, "xb") as file:
-            np.save(file, rows)
+    written = []
+    try:
+        for path, rows in zip(paths, np.array_split(table, shards)):
+            # "x" refuses to replace a file.
+            with open(path, "xb") as file:
+                written.append(path)
+                np.save(file, rows)
+    except BaseException:
+        for path in written:
+            path.unlink()
+        raise
     return paths
 
 
 def distinct(shards: Sequence[str | os.PathLike[str]]) -> list[str]:
     """Returns the absolute paths of the shards, all of which must differ."""
+    if isinstance(shards, (str, os.PathLike)):
+        raise TypeError(f"expected a sequence of paths, found the path {os.fspath(shards)}")
     paths = [str(Path(shard).resolve()) for shard in shards]
     if not paths:
         raise ValueError("expected at least one shard")
+    seen: set[Any] = set()
     for path in paths:
-        if paths.count(path) > 1:
+        # Hard links are two names of one file. A file that only workers can read is identified by its name.
+        file = os.stat(path) if os.path.exists(path) else None
+        identity = (file.st_dev, file.st_ino) if file else path
+        if identity in seen:
             raise ValueError(f"{path}: the shard is named twice, so that its events would count twice")
+        seen.add(identity)
     return paths
 
 

@@ -64,7 +64,8 @@ def fit(
     ----------
     prior : Prior
     shards : sequence of paths
-        Files as `write_shards` writes them. Their order decides the last digits of the result.
+        Files as `write_shards` writes them. Their order decides the last digits of the result. A file may have only
+        one of its names here. Events count twice if the sequence has a file and a copy of it.
     inducing_points : array of shape (M, d)
     weighted : bool
         Whether the last column of the files contains weights.
@@ -89,6 +90,10 @@ def fit(
     ------
     ValueError
         If a file is missing, empty of columns or damaged, or is named twice; the message names the file.
+    TypeError
+        If `shards` is a path.
+    Exception
+        Any exception of `map`, for example ``BrokenProcessPool`` if a process of ``concurrent.futures`` dies.
 
     Examples
     --------
