@@ -40,6 +40,15 @@ def paths(tmp_path):
     return sharded.write_shards(tmp_path, X, Y, shards=4)
 
 
+@pytest.fixture(scope="module")
+def ray():
+    """A cluster of Ray with two processors."""
+    module = pytest.importorskip("ray", reason="Ray is not installed")
+    module.init(num_cpus=2, object_store_memory=200_000_000, include_dashboard=False, log_to_driver=False)
+    yield module
+    module.shutdown()
+
+
 def test_a_fit_of_shards_equals_the_fit_of_all_events(paths):
     whole, gradient = dgpc.evidence(PRIOR, X, Y, inducing_points=POINTS)
     found = sharded.fit(PRIOR, paths, POINTS)
@@ -245,44 +254,69 @@ def test_a_map_that_loses_results_is_refused(paths):
         sharded.fit(PRIOR, paths, POINTS, map=lambda function, *sequences: list(map(function, *sequences))[:3])
 
 
-def test_forty_thousand_events_give_the_same_bits_on_ray_even_if_a_worker_is_killed(tmp_path, paths):
-    ray = pytest.importorskip("ray", reason="Ray is not installed")
+def test_forty_thousand_events_give_the_same_bits_on_ray_even_if_a_worker_is_killed(tmp_path, paths, ray):
     from dgpc.ray import Workers
 
     x, y = wave(40_000)
     points = x[::500]
     shards = sharded.write_shards(tmp_path / "many", x, y, shards=4)
-    ray.init(num_cpus=2, object_store_memory=200_000_000, include_dashboard=False, log_to_driver=False)
-    try:
-        with Workers(2) as workers:
-            alone = sharded.fit(PRIOR, shards, points)
-            assert bits(sharded.fit(PRIOR, shards, points, map=workers.map)) == bits(alone)
-            whole = dgpc.fit(PRIOR, x, y, inducing_points=points).posterior()
-            for found, expected in zip(alone.posterior.latent(x[::100]), whole.latent(x[::100])):
-                assert np.abs(found - expected).max() < 1e-6
+    with Workers(2) as workers:
+        alone = sharded.fit(PRIOR, shards, points)
+        assert bits(sharded.fit(PRIOR, shards, points, map=workers.map)) == bits(alone)
+        whole = dgpc.fit(PRIOR, x, y, inducing_points=points).posterior()
+        for found, expected in zip(alone.posterior.latent(x[::100]), whole.latent(x[::100])):
+            assert np.abs(found - expected).max() < 1e-6
 
-            first = ray.get(workers.actors[0].process.remote())
+        first = ray.get(workers.actors[0].process.remote())
 
-            # The worker ends while it works on the next round.
-            timer = threading.Timer(0.005, lambda: os.kill(first, signal.SIGKILL))
+        # The worker ends while it works on the next round.
+        timer = threading.Timer(0.005, lambda: os.kill(first, signal.SIGKILL))
 
-            def kill(iterations, change):
-                if iterations == 3:
-                    timer.start()
+        def kill(iterations, change):
+            if iterations == 3:
+                timer.start()
 
-            assert bits(sharded.fit(PRIOR, shards, points, map=workers.map, progress=kill)) == bits(alone)
-            timer.join()
-            assert ray.get(workers.actors[0].process.remote()) != first, "the worker was not killed"
-            with pytest.raises(ray.exceptions.RayActorError):
-                list(workers.map(os._exit, [3]))
-            with pytest.raises(ValueError, match="missing.npy"):
-                sharded.fit(PRIOR, [*paths, "missing.npy"], POINTS, map=workers.map)
+        assert bits(sharded.fit(PRIOR, shards, points, map=workers.map, progress=kill)) == bits(alone)
+        timer.join()
+        assert ray.get(workers.actors[0].process.remote()) != first, "the worker was not killed"
+        with pytest.raises(ray.exceptions.RayActorError):
+            list(workers.map(os._exit, [3]))
+        with pytest.raises(ValueError, match="missing.npy"):
+            sharded.fit(PRIOR, [*paths, "missing.npy"], POINTS, map=workers.map)
 
-            begin = time.monotonic()
-            next(workers.map(time.sleep, [0.0, 60.0]))
-            assert time.monotonic() - begin < 30.0, "the first result does not wait for the second"
-    finally:
-        ray.shutdown()
+        begin = time.monotonic()
+        next(workers.map(time.sleep, [0.0, 60.0]))
+        assert time.monotonic() - begin < 30.0, "the first result does not wait for the second"
+
+
+def test_ctrl_c_stops_the_tasks_of_ray(tmp_path, ray):
+    from dgpc.ray import Workers
+
+    def nap(path):
+        open(path, "w").close()
+        time.sleep(20.0)
+
+    with Workers(2) as workers:
+        assert list(workers.map(pow, iter([2, 3]), iter([3, 2]))) == [8, 9]
+        begun = [str(tmp_path / str(number)) for number in range(8)]
+        timer = threading.Timer(0.5, lambda: os.kill(os.getpid(), signal.SIGINT))
+        timer.start()
+        with pytest.raises(KeyboardInterrupt):
+            list(workers.map(nap, begun))
+        begin = time.monotonic()
+        assert list(workers.map(abs, [-1, -2, -3])) == [1, 2, 3]
+        assert time.monotonic() - begin < 15.0 and len(list(tmp_path.iterdir())) <= 2
+        with pytest.raises(TypeError):
+            list(workers.map(abs, ["text", 1]))
+    with pytest.raises(ValueError, match="these workers were closed"):
+        workers.map(abs, [1])
+
+
+def test_more_workers_than_processors_are_refused(ray):
+    from dgpc.ray import Workers
+
+    with pytest.raises(ValueError, match="the workers need 3 processors; the cluster has 2"):
+        Workers(3)
 
 
 @pytest.mark.parametrize("name", sharded.__all__)

@@ -6,7 +6,7 @@ long as it exists: other tasks of the cluster wait if workers reserve all of the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from types import TracebackType
 from typing import Any
 
@@ -35,6 +35,11 @@ class Workers:
     cpus : float
         Processors that each worker reserves.
 
+    Raises
+    ------
+    ValueError
+        If the cluster has fewer processors. Those that an autoscaler has not started yet do not count.
+
     Examples
     --------
         >>> import ray  # doctest: +SKIP
@@ -46,6 +51,11 @@ class Workers:
     def __init__(self, count: int, *, cpus: float = 1.0) -> None:
         if count < 1:
             raise ValueError(f"the number of workers must be at least 1, found {count}")
+        if not ray.is_initialized():
+            ray.init()
+        found = ray.cluster_resources().get("CPU", 0.0)  # type: ignore[no-untyped-call]
+        if found < count * cpus:
+            raise ValueError(f"the workers need {count * cpus:g} processors; the cluster has {found:g}")
         # One thread for each worker: several workers of one machine would otherwise compete for its processors.
         environment = {"env_vars": {"RAYON_NUM_THREADS": "1"}}
         start = _Worker.options(  # type: ignore[attr-defined]
@@ -53,18 +63,39 @@ class Workers:
         )
         self.actors: list[Any] = [start.remote() for _ in range(count)]
 
-    def map(self, function: Callable[..., Any], *sequences: Sequence[Any]) -> Iterator[Any]:
+    def map(self, function: Callable[..., Any], *items: Iterable[Any]) -> Iterator[Any]:
         """Applies a function to the items of sequences, and returns an iterator over the results, in order.
 
-        All tasks begin at once. The iterator waits for the next result only, so that a caller can report progress.
+        All tasks are sent at once. The iterator waits for the next result only, so that a caller can report progress.
+        If it ends early, for example by Ctrl-C or an exception of a task, the other tasks are cancelled. Workers that
+        still have tasks then end and start again.
         """
+        if not self.actors:
+            raise ValueError("these workers were closed")
+        sequences = [list(sequence) for sequence in items]
         # An argument that all items share is sent to the cluster once.
         shared = [ray.put(sequence[0]) if _is_constant(sequence) else None for sequence in sequences]
         calls = []
-        for number, items in enumerate(zip(*sequences)):
-            arguments = [item if put is None else put for item, put in zip(items, shared)]
+        for number, row in enumerate(zip(*sequences)):
+            arguments = [item if put is None else put for item, put in zip(row, shared)]
             calls.append(self.actors[number % len(self.actors)].run.remote(function, *arguments))
-        return _results(calls)
+        return self._results(calls)
+
+    def _results(self, calls: list[Any]) -> Iterator[Any]:
+        try:
+            for call in calls:
+                yield ray.get(call)
+        except BaseException as error:
+            # Ray may have ended before an unused iterator.
+            unfinished = ray.wait(calls, num_returns=len(calls), timeout=0)[1] if ray.is_initialized() else []
+            for call in unfinished:
+                ray.cancel(call)
+            # A call that has begun can be stopped only with its process.
+            for actor in self.actors if unfinished else []:
+                ray.kill(actor, no_restart=False)
+            if isinstance(error, ray.exceptions.RayTaskError):
+                raise error.cause from error
+            raise
 
     def close(self) -> None:
         """Ends the worker processes."""
@@ -79,14 +110,6 @@ class Workers:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-def _results(calls: list[Any]) -> Iterator[Any]:
-    try:
-        for call in calls:
-            yield ray.get(call)
-    except ray.exceptions.RayTaskError as error:
-        raise error.cause from error
 
 
 def _is_constant(sequence: Sequence[Any]) -> bool:
