@@ -89,6 +89,15 @@ def test_gibbs_sampling_agrees_with_numerical_integration() -> None:
     assert (np.abs(found - exact) < 5 * error).all(), (found, exact, error)
 
 
+def test_arviz_reads_the_draws_as_the_readme_says(prior: dgpc.Prior, events) -> None:
+    arviz = pytest.importorskip("arviz", reason="ArviZ is not installed")
+    draws = dgpc.gibbs(prior, *events, 50, seed=1, chains=2)
+    is_old = arviz.__version__.startswith("0.")
+    data = arviz.from_dict(posterior=draws) if is_old else arviz.from_dict({"posterior": draws})
+    assert len(arviz.summary(data)) == 2 * len(events[0])
+    np.testing.assert_array_equal(data.posterior["f"], draws["f"])
+
+
 def test_seeds_determine_draws_and_chains_differ(prior: dgpc.Prior, events) -> None:
     def first(seed: int) -> np.ndarray:
         return dgpc.gibbs(prior, *events, 3, seed=seed, chains=2, warm_up=1)["f"]
