@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import zlib
 from typing import Any
 
@@ -18,12 +19,6 @@ from ._elementwise import success_probability
 from ._kernels import Translation, translate
 
 STATE_VERSION = 1
-
-#: Attributes that a fit sets.
-FITTED = frozenset(
-    ["X_train_", "y_train_", "omega_", "inducing_points_", "kernel_", "prior_", "n_iter_"]
-    + ["log_marginal_likelihood_value_"]
-)
 
 L_BFGS = "fmin_l_bfgs_b"
 
@@ -328,36 +323,18 @@ class GaussianProcessClassifier(ClassifierMixin, BaseEstimator):
         return tags
 
     def __getstate__(self) -> dict[str, Any]:
-        state = dict(super().__getstate__())
-        if "_posterior" in state:
-            del state["_posterior"]
-            state["_checksum"] = _checksum(state)
-        return state | {"_state_version": STATE_VERSION}
+        state = {name: value for name, value in super().__getstate__().items() if name != "_posterior"}
+        # Some callables, such as functions of a notebook, can be pickled by the caller's pickler only.
+        optimizer = state.pop("optimizer", None)
+        data = pickle.dumps(state)
+        return {"_state": data, "_checksum": zlib.crc32(data), "optimizer": optimizer, "_state_version": STATE_VERSION}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        state = dict(state)
-        version, checksum = state.pop("_state_version", None), state.pop("_checksum", None)
+        version, data = state.get("_state_version"), state.get("_state")
         if not isinstance(version, int) or version > STATE_VERSION:
             raise ValueError(f"this pickle has version {version}; this package reads versions up to {STATE_VERSION}")
-        if (checksum is not None or not FITTED.isdisjoint(state)) and checksum != _checksum(state):
+        if not isinstance(data, bytes) or zlib.crc32(data) != state.get("_checksum"):
             raise ValueError("this pickle is damaged: the checksum differs")
-        super().__setstate__(state)
-        if "prior_" in state:
+        super().__setstate__(pickle.loads(data) | {"optimizer": state.get("optimizer")})
+        if hasattr(self, "prior_"):
             self._posterior = self._posterior_of_events()
-
-
-def _checksum(state: dict[str, Any]) -> int:
-    """Returns a checksum of the fitted state of an estimator."""
-    try:
-        numbers = [state["X_train_"], state["y_train_"], state["omega_"], state["inducing_points_"]]
-        numbers += [state["log_marginal_likelihood_value_"], state["n_features_in_"], state["n_iter_"]]
-        texts = [str(label) for label in state["classes_"].tolist()]
-        for name, value in sorted(state["kernel_"].get_params().items()):
-            is_number = np.asarray(value).dtype.kind in "biuf"
-            texts += [name] if is_number else [name, value if isinstance(value, str) else type(value).__name__]
-            numbers += [np.asarray(value, dtype=float)] if is_number else []
-        parts = [np.ascontiguousarray(part).tobytes() for part in numbers if part is not None]
-        words = repr([*map(np.shape, numbers), *texts]).encode()
-        return zlib.crc32(b"".join([words, state["prior_"].to_bytes(), *parts]))
-    except (KeyError, AttributeError, TypeError) as error:
-        raise ValueError(f"this pickle is damaged: {error!r}") from error
