@@ -317,3 +317,31 @@ def test_an_estimator_whose_fit_failed_can_be_copied(data) -> None:
     with pytest.raises(ValueError, match="two classes"):
         model.fit(x, np.zeros(len(x)))
     assert pickle.loads(pickle.dumps(model)).get_params() == copy.deepcopy(model).get_params()
+
+
+@pytest.mark.parametrize("name", ["max_iter_predict", "n_restarts_optimizer"])
+@pytest.mark.parametrize("optimizer", ["fmin_l_bfgs_b", None])
+def test_bad_numbers_of_iterations_and_restarts_are_refused(name, optimizer, data) -> None:
+    for bad in [-1, "a", 1.5, None] + [0] * (name == "max_iter_predict"):
+        with pytest.raises((ValueError, TypeError), match=name):
+            Classifier(optimizer=optimizer, **{name: bad}).fit(*data)
+    assert Classifier(RBF(), optimizer=None, max_iter_predict=np.int64(2)).fit(*data).n_iter_ == 2
+
+
+def test_a_failed_fit_keeps_the_earlier_one(data) -> None:
+    x, y = data
+    wider = np.column_stack([x, x[:, 0]])
+
+    def optimizer(objective, initial_theta, bounds):
+        raise KeyboardInterrupt
+
+    for model in (Classifier(), Classifier(inducing_points=10)):
+        expected = model.fit(x, y).predict_proba(x)
+        with pytest.raises(ValueError, match="two classes"):
+            model.fit(wider, np.zeros(len(x)))
+        with pytest.raises(KeyboardInterrupt):
+            model.set_params(optimizer=optimizer).fit(wider, y)
+        np.testing.assert_array_equal(model.predict_proba(x), expected)
+        with pytest.raises(ValueError, match="expecting 2 features"):
+            model.predict_proba(wider)
+        assert model.set_params(optimizer=None).fit(wider, y).predict_proba(wider).shape == (80, 2)

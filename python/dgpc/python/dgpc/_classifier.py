@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import pickle
 import zlib
+from numbers import Integral
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel
-from sklearn.utils import check_random_state
+from sklearn.utils import check_random_state, check_scalar
 from sklearn.utils.multiclass import check_classification_targets, type_of_target
 from sklearn.utils.validation import check_is_fitted, validate_data
 
@@ -41,7 +42,7 @@ class GaussianProcessClassifier(ClassifierMixin, BaseEstimator):
     n_restarts_optimizer : int, default 0
         Number of further starts, drawn uniformly between the bounds of the logarithms.
     max_iter_predict : int, default 1000
-        Largest number of iterations of a fit.
+        Largest number of iterations of a fit. The default optimizer has its own limit.
     warm_start : bool, default False
         Whether a new fit starts from the hyperparameters of the last fit.
     random_state : int, RandomState instance or None, default None
@@ -95,7 +96,7 @@ class GaussianProcessClassifier(ClassifierMixin, BaseEstimator):
         self.inducing_points = inducing_points
 
     def fit(self, X: ArrayLike, y: ArrayLike) -> GaussianProcessClassifier:
-        """Learns the hyperparameters and fits the events.
+        """Learns the hyperparameters and fits the events. After an exception, the results of an earlier fit remain.
 
         There is no ``sample_weight``, because learning does not treat a weight of two as two rows. ``dgpc.fit`` has
         weights.
@@ -110,7 +111,10 @@ class GaussianProcessClassifier(ClassifierMixin, BaseEstimator):
         -------
         self
         """
-        inputs, labels = validate_data(self, X, y)
+        check_scalar(self.max_iter_predict, "max_iter_predict", Integral, min_val=1)
+        check_scalar(self.n_restarts_optimizer, "n_restarts_optimizer", Integral, min_val=0)
+        # Validation stores the number of columns and their names. They belong to this estimator once the fit succeeds.
+        inputs, labels = validate_data(type(self)(), X, y)
         check_classification_targets(labels)
         kind = type_of_target(labels, input_name="y")
         classes, outcomes = np.unique(labels, return_inverse=True)
@@ -124,6 +128,7 @@ class GaussianProcessClassifier(ClassifierMixin, BaseEstimator):
         last = getattr(self, "kernel_", None) if self.warm_start else None
         translation = self._translation(inputs, last)
         fit = self._learned(translation, inputs, outcomes)
+        validate_data(self, X, y, skip_check_array=True)
         self.classes_ = classes
         self._store(translation, fit)
         return self
