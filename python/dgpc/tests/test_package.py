@@ -64,9 +64,31 @@ def test_the_estimator_without_scikit_learn_names_the_extra() -> None:
     subprocess.run([sys.executable, "-c", program], check=True)
 
 
-def test_importing_the_package_does_not_import_scikit_learn() -> None:
-    program = "import sys, dgpc; raise SystemExit('sklearn' in sys.modules or 'scipy' in sys.modules)"
+def test_importing_the_package_does_not_import_optional_packages() -> None:
+    program = "import sys, dgpc; raise SystemExit(not {'sklearn', 'scipy', 'ray'}.isdisjoint(sys.modules))"
     subprocess.run([sys.executable, "-c", program], check=True)
+
+
+def test_submodules_are_attributes_of_the_package() -> None:
+    program = (
+        "import sys, dgpc; dgpc.sharded.fit; sys.modules['ray'] = None\n"
+        "try: dgpc.ray\n"
+        "except ImportError as error: assert 'dgpc[ray]' in str(error)\n"
+        "else: raise SystemExit('no error')"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True)
+    if importlib.util.find_spec("ray"):
+        subprocess.run([sys.executable, "-c", "import dgpc; dgpc.ray.Workers"], check=True)
+
+
+def test_types_refuse_a_mapping_that_is_no_dictionary() -> None:
+    api = pytest.importorskip("mypy.api", reason="mypy is not installed: types are not checked")
+    call = "dgpc.learn(dgpc.Prior(dgpc.Term('label', columns=[0])), [[0.0]], [0], hyper_prior=MappingProxyType({}))"
+    program = f"import dgpc\nfrom types import MappingProxyType\n{call}"
+    with pytest.raises(TypeError):
+        exec(program, {})
+    output, _, _ = api.run(["-c", program, "--follow-imports=silent"])
+    assert 'Argument "hyper_prior" to "learn" has incompatible type' in output
 
 
 def test_the_type_stubs_describe_the_compiled_part() -> None:

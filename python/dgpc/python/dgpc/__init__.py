@@ -7,6 +7,7 @@ All arguments are arrays, or objects that NumPy turns into arrays. Bad arguments
 that fails raises ``dgpc.Error``.
 """
 
+import importlib
 from typing import TYPE_CHECKING, Any
 
 from ._dgpc import (
@@ -44,6 +45,8 @@ from ._dgpc import (
 from ._elementwise import polya_gamma, polya_gamma_moments, success_probability
 
 if TYPE_CHECKING:
+    from . import ray as ray
+    from . import sharded as sharded
     from ._classifier import GaussianProcessClassifier
 
 __version__ = "0.1.0"
@@ -87,7 +90,9 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Imports the estimator when it is first used, because scikit-learn is optional."""
+    """Imports the estimator and the submodules when they are first used, because scikit-learn and Ray are optional."""
+    if name in ("ray", "sharded"):
+        return importlib.import_module(f"dgpc.{name}")
     if name != "GaussianProcessClassifier":
         raise AttributeError(f"module 'dgpc' has no attribute {name!r}")
     try:

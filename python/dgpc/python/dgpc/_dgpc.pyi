@@ -1,6 +1,6 @@
 """Types of the compiled part. The docstrings are in the module itself."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias, final
 
 import numpy as np
@@ -412,7 +412,7 @@ def learn(
     *,
     weights: ArrayLike | None = None,
     messages: Sequence[Summary] = ...,
-    hyper_prior: Mapping[str, float] = ...,
+    hyper_prior: dict[str, float] = ...,
     bounds: Sequence[tuple[float, float] | str | None] = ...,
     warm_start: Prior | None = None,
     start: ArrayLike | None = None,
