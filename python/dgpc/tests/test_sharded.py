@@ -321,7 +321,9 @@ def test_more_workers_than_processors_are_refused(ray):
 
 @pytest.mark.parametrize("name", sharded.__all__)
 def test_examples_in_the_documentation_are_right(name):
-    for example in doctest.DocTestFinder(exclude_empty=True).find(getattr(sharded, name), name, module=False, globs={}):
+    found = doctest.DocTestFinder(exclude_empty=True).find(getattr(sharded, name), name, module=False, globs={})
+    assert found and found[0].examples
+    for example in found:
         assert doctest.DocTestRunner().run(example).failed == 0
 
 

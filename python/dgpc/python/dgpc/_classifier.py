@@ -110,6 +110,13 @@ class GaussianProcessClassifier(ClassifierMixin, BaseEstimator):
         Returns
         -------
         self
+
+        Examples
+        --------
+        >>> import dgpc
+        >>> model = dgpc.GaussianProcessClassifier().fit([[0.0], [1.0], [2.0], [3.0]], ["no", "no", "yes", "yes"])
+        >>> model.classes_.tolist(), model.n_features_in_
+        (['no', 'yes'], 1)
         """
         check_scalar(self.max_iter_predict, "max_iter_predict", Integral, min_val=1)
         check_scalar(self.n_restarts_optimizer, "n_restarts_optimizer", Integral, min_val=0)
@@ -146,6 +153,13 @@ class GaussianProcessClassifier(ClassifierMixin, BaseEstimator):
         Returns
         -------
         self
+
+        Examples
+        --------
+        >>> import dgpc
+        >>> model = dgpc.GaussianProcessClassifier().fit([[0.0], [1.0], [2.0], [3.0]], ["no", "no", "yes", "yes"])
+        >>> len(model.partial_fit([[4.0]], ["yes"]).y_train_)
+        5
         """
         is_first = not hasattr(self, "classes_")
         inputs, labels = validate_data(self, X, y, reset=is_first)
@@ -171,18 +185,42 @@ class GaussianProcessClassifier(ClassifierMixin, BaseEstimator):
         return self
 
     def predict(self, X: ArrayLike) -> NDArray[Any]:
-        """Returns the more probable class of every row, shape (N,)."""
+        """Returns the more probable class of every row, shape (N,).
+
+        Examples
+        --------
+        >>> import dgpc
+        >>> model = dgpc.GaussianProcessClassifier().fit([[0.0], [1.0], [2.0], [3.0]], ["no", "no", "yes", "yes"])
+        >>> model.predict([[0.0], [4.0]]).tolist()
+        ['no', 'yes']
+        """
         is_second = self.decision_function(X) > 0
         return np.asarray(self.classes_[is_second.astype(int)])
 
     def predict_proba(self, X: ArrayLike) -> NDArray[np.float64]:
-        """Returns the probabilities of both classes for every row, shape (N, 2)."""
+        """Returns the probabilities of both classes for every row, shape (N, 2).
+
+        Examples
+        --------
+        >>> import dgpc
+        >>> model = dgpc.GaussianProcessClassifier().fit([[0.0], [1.0], [2.0], [3.0]], ["no", "no", "yes", "yes"])
+        >>> model.predict_proba([[1.5]]).round(2)
+        array([[0.5, 0.5]])
+        """
         mean, variance = self.latent_mean_and_variance(X)
         # The small one of the two probabilities keeps its digits.
         return np.column_stack([success_probability(-mean, variance), success_probability(mean, variance)])
 
     def decision_function(self, X: ArrayLike) -> NDArray[np.float64]:
-        """Returns the log-odds of the second class for every row, shape (N,): those of `predict_proba`."""
+        """Returns the log-odds of the second class for every row, shape (N,): those of `predict_proba`.
+
+        Examples
+        --------
+        >>> import dgpc
+        >>> model = dgpc.GaussianProcessClassifier().fit([[0.0], [1.0], [2.0], [3.0]], ["no", "no", "yes", "yes"])
+        >>> model.decision_function([[0.0], [3.0]]) > 0
+        array([False,  True])
+        """
         first, second = self.predict_proba(X).T
         return np.asarray(np.log(second) - np.log(first))
 
@@ -192,6 +230,14 @@ class GaussianProcessClassifier(ClassifierMixin, BaseEstimator):
         Returns
         -------
         mean, variance : arrays of shape (N,)
+
+        Examples
+        --------
+        >>> import dgpc
+        >>> model = dgpc.GaussianProcessClassifier().fit([[0.0], [1.0], [2.0], [3.0]], ["no", "no", "yes", "yes"])
+        >>> mean, variance = model.latent_mean_and_variance([[3.0]])
+        >>> mean > 0
+        array([ True])
         """
         check_is_fitted(self)
         return self._posterior.latent(validate_data(self, X, reset=False))
@@ -213,6 +259,14 @@ class GaussianProcessClassifier(ClassifierMixin, BaseEstimator):
         Returns
         -------
         float, or float and array
+
+        Examples
+        --------
+        >>> import dgpc
+        >>> model = dgpc.GaussianProcessClassifier().fit([[0.0], [1.0], [2.0], [3.0]], ["no", "no", "yes", "yes"])
+        >>> value, gradient = model.log_marginal_likelihood(model.kernel_.theta, eval_gradient=True)
+        >>> value < 0, gradient.shape
+        (True, (2,))
         """
         check_is_fitted(self)
         if theta is None:

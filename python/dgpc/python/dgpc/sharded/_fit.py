@@ -21,7 +21,18 @@ COVARIANCES_MAX = 7 << 20
 
 
 class FittedShards(NamedTuple):
-    """A sparse fit of events in shards."""
+    """A sparse fit of events in shards.
+
+    Examples
+    --------
+        >>> import dgpc, tempfile
+        >>> from dgpc.sharded import fit, write_shards
+        >>> prior = dgpc.Prior(dgpc.Term("matern52", 1.0, dimension=1))
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     found = fit(prior, write_shards(folder, [[0.0], [1.0]], [0, 1], shards=1), [[0.5]])
+        >>> found.stop, found.evidence < 0, len(found.gradient) == len(prior.parameters)
+        ('converged', True, True)
+    """
 
     posterior: Posterior
     """The posterior of all events and messages."""

@@ -17,7 +17,18 @@ from ._fit import FittedShards, fit
 
 
 class LearnedShards(NamedTuple):
-    """A prior that was learned from events in shards, and the fit of all events under it."""
+    """A prior that was learned from events in shards, and the fit of all events under it.
+
+    Examples
+    --------
+        >>> import dgpc, tempfile
+        >>> from dgpc.sharded import learn, write_shards
+        >>> prior = dgpc.Prior(dgpc.Term("matern52", 1.0, dimension=1))
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     found = learn(prior, write_shards(folder, [[0.0], [1.0]], [0, 1], shards=1), seed=1)
+        >>> found.search.searched_events, found.inducing_points.shape
+        (2, (2, 1))
+    """
 
     prior: Prior
     """The learned prior."""
