@@ -99,6 +99,19 @@ def test_a_learned_fit_can_be_pickled(prior: dgpc.Prior, events, message) -> Non
     assert_equal_posteriors(found.posterior(), learned.fit.posterior(), atol=10.0 * learned.fit.change + 1e-12)
 
 
+def test_terms_kernels_and_learned_priors_are_rebuilt_from_the_prior(prior: dgpc.Prior, events, tmp_path) -> None:
+    learned = dgpc.learn(prior, *events)
+    for one in (prior.kernel, prior.kernel.terms[0], learned, dgpc.Candidates(prior, events[0])):
+        with pytest.raises(TypeError, match="cannot pickle"):
+            pickle.dumps(one)
+    assert again(prior).kernel == prior.kernel and again(prior).kernel.terms[0] == prior.kernel.terms[0]
+    assert again(learned.prior) == learned.prior
+    paths = dgpc.sharded.write_shards(tmp_path, *events, shards=2)
+    found = dgpc.sharded.learn(prior, paths, seed=1)
+    parts = again(tuple(found[:3]))
+    assert parts[0] == found.prior and parts[1].evidence == found.fit.evidence
+
+
 def test_an_amended_fit_is_refused(prior: dgpc.Prior, events) -> None:
     amended = dgpc.fit(prior, *events, inducing_points=9).amended([0], [[0.0, 0.0]], [1])
     assert amended is not None
