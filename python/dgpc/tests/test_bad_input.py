@@ -186,7 +186,7 @@ def assert_right(result: object, name: str = "") -> None:
         for key, part in zip(names, result):
             assert_right(part, key)
     elif isinstance(result, dgpc.Summary):
-        # Precisions near the largest number overflow. The use of such a summary raises an error.
+        # Precisions near the largest number overflow. A posterior of such a summary raises an error.
         with contextlib.suppress(dgpc.Error):
             assert_right(dgpc.Posterior(result.prior, summaries=[result]))
     elif type(result).__module__ == "dgpc":
@@ -196,8 +196,8 @@ def assert_right(result: object, name: str = "") -> None:
         if isinstance(result, dgpc.Posterior) and result.prior == PRIOR and len(result) > 0:
             assert_right(result.latent(X), "latent")
     elif isinstance(result, float) or (isinstance(result, np.ndarray) and result.dtype.kind == "f"):
-        low, high = RANGES.get(name, (-np.inf, np.inf))
-        assert np.isfinite(result).all() and (low <= np.asarray(result)).all() and (np.asarray(result) <= high).all(), name
+        numbers, (low, high) = np.asarray(result), RANGES.get(name, (-np.inf, np.inf))
+        assert np.isfinite(numbers).all() and (low <= numbers).all() and (numbers <= high).all(), name
     elif isinstance(result, np.ndarray) and result.dtype.kind == "i":
         assert len(np.unique(result)) == len(result) and (result >= 0).all(), name
 

@@ -369,6 +369,19 @@ def test_learning_passes_weights_messages_and_options(tmp_path, paths):
     assert found.prior == dgpc.learn(TEMPLATE, X, Y, weights=np.full(len(Y), 0.5)).prior
 
 
+def test_learning_reports_the_progress_of_its_search_and_of_its_fit(paths, monkeypatch):
+    searched, fitted = [], []
+
+    def slow(*arguments, progress, **options):
+        progress({"evaluations": 1})
+        return dgpc.learn(*arguments, **options)
+
+    monkeypatch.setattr(sharded._learn, "learn_in_process", slow)
+    found = sharded.learn(TEMPLATE, paths, seed=1, inducing_points=POINTS, search_progress=searched.append,
+                          progress=lambda *progress: fitted.append(progress))
+    assert searched == [{"evaluations": 1}] and fitted[-1] == (found.fit.iterations, found.fit.change)
+
+
 def test_learning_without_weighted_refuses_files_with_weights_of_one(tmp_path):
     paths = sharded.write_shards(tmp_path, X, Y, shards=2, weights=np.ones(len(Y)))
     with pytest.raises(ValueError, match="only ones: if these are weights, set weighted=True"):

@@ -52,6 +52,7 @@ def learn(
     map: Map = builtins.map,
     keep: int | None = None,
     progress: Callable[[int, float], object] | None = None,
+    search_progress: Callable[[dict[str, Any]], object] | None = None,
     **options: Any,
 ) -> LearnedShards:
     """Learns a prior from some events of all shards, and fits all events under it.
@@ -81,6 +82,8 @@ def learn(
         As in `fit`.
     progress : callable, optional
         Receives the number of iterations and the largest change of a tilt after every round of the fit.
+    search_progress : callable, optional
+        Receives the progress of the search, as `progress` of `dgpc.learn`.
     **options
         Other options of `dgpc.learn`, such as ``bounds`` or ``calibrate``.
 
@@ -113,7 +116,8 @@ def learn(
     if not weighted and _has_weights(template, x, y):
         raise ValueError("the last column contains only ones: if these are weights, set weighted=True")
     search = learn_in_process(
-        template, x, y, weights=weights, messages=messages, search_events_max=events_max, **options
+        template, x, y, weights=weights, messages=messages, search_events_max=events_max, progress=search_progress,
+        **options,
     )
     if isinstance(inducing_points, (int, np.integer)):
         points = x[greedy_by_variance(search.prior, x, int(inducing_points)).indices]
