@@ -67,8 +67,8 @@ class Workers:
         """Applies a function to the items of sequences, and returns an iterator over the results, in order.
 
         All tasks are sent at once. The iterator waits for the next result only, so that a caller can report progress.
-        If it ends early, for example by Ctrl-C or an exception of a task, the other tasks are cancelled. Workers that
-        still have tasks then end and start again.
+        If it ends early, for example by Ctrl-C or an exception of a task, the other tasks are cancelled. All workers
+        end and start again if a task was unfinished.
         """
         if not self.actors:
             raise ValueError("these workers were closed")
