@@ -53,6 +53,15 @@ def test_any_layout_and_type_of_numbers_is_accepted(log: Path) -> None:
     assert pingmap.learn(other, additions="range").text == pingmap.learn(table, additions="range").text
 
 
+def test_text_that_looks_like_a_remark_loses_no_rows(log: Path, model: Path, links: dict[str, list[float]]) -> None:
+    found = pingmap.predict(log, {"tx_id": ["#1", "auv1", "#"], **links, "Note": ["a\rb", "#", "c\nd"]}, model=model)
+    assert found["tx_id"].tolist() == ["#1", "auv1", "#"] and found["Note"].tolist() == ["a\rb", "#", "c\nd"]
+    others = dict(pingmap.read_log(log))
+    senders = others.pop("tx_id")
+    renamed = {"tx_id": np.where(senders == "auv1", "#a", senders), **others}
+    assert pingmap.learn(renamed, additions="range").report["events"] == len(senders)
+
+
 def broken(log: Path, changes: dict[Any, Any]) -> dict[str, Any]:
     """Returns the log with other columns; those that are ``None`` are removed."""
     table = {**pingmap.read_log(log), **changes}

@@ -107,7 +107,8 @@ def to_csv(table: Any) -> str:
     reference = getattr(table, "reference_system", None)
     if isinstance(reference, str):
         text.write(f"{REFERENCE} {reference}\n")
-    writer = csv.writer(text, lineterminator="\n")
+    # Quoted fields cannot begin a remark or end a line.
+    writer = csv.writer(text, lineterminator="\n", quoting=csv.QUOTE_ALL)
     writer.writerow(names)
     writer.writerows(zip(*columns))
     return text.getvalue()
