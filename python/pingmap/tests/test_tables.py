@@ -45,6 +45,33 @@ def test_numbers_and_text_survive_the_border(log: Path, model: Path, links: dict
     assert found["rx_easting_m"].tolist() == links["rx_easting_m"]
 
 
+def test_columns_of_links_come_back_unchanged(log: Path, model: Path, links: dict[str, list[float]]) -> None:
+    given: dict[str, Any] = {
+        "#": [1, 2, 3],
+        **links,
+        "id": [2**53 + 1, 2, 3],
+        "size": ["1_000", "inf", " 1 "],
+        "Note": ["", "", ""],
+        "is_new": [True, False, True],
+        "Upper": [0.0, 0.0, 0.0],
+    }
+    with pytest.warns(pingmap.Warning, match="predictions replace the values of Upper"):
+        found = pingmap.predict(log, given, model=model)
+    assert list(found) == [*list(given)[:-1], "probability", "lower", "upper", "log_odds_mean", "log_odds_variance"]
+    assert all(found[name].tolist() == values for name, values in given.items() if name != "Upper")
+    eastings_m = np.array(links["tx_easting_m"])
+    found = pingmap.predict(log, {**links, "tx_easting_m": eastings_m}, model=model)
+    assert not np.shares_memory(found["tx_easting_m"], eastings_m)
+
+
+def test_text_with_underscores_in_a_file_is_no_number(
+    log: Path, model: Path, links: dict[str, list[float]], tmp_path: Path
+) -> None:
+    path, rows = tmp_path / "links.csv", zip(*links.values(), strict=True)
+    path.write_text(f"{','.join(links)},size\n" + "".join(f"{','.join(map(repr, row))},1_000\n" for row in rows))
+    assert pingmap.predict(log, path, model=model)["size"].tolist() == ["1_000"] * 3
+
+
 def test_any_layout_and_type_of_numbers_is_accepted(log: Path) -> None:
     table = pingmap.read_log(log)
     other: dict[str, Any] = {name: np.repeat(values, 2)[::2] for name, values in table.items()}

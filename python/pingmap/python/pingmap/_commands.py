@@ -14,12 +14,15 @@ from typing import Any, TypeAlias, Union
 import numpy as np
 
 from . import _pingmap
-from ._tables import Table, TableLike, from_csv
+from ._tables import Table, TableLike, column_names, from_csv, from_rows
 from ._warnings import warn
 from ._workspace import Model, PathLike, Workspace
 
 #: A position: easting and northing in metres and perhaps a depth, or text such as ``"41.52N,70.67W"``.
 Place: TypeAlias = Union[str, tuple[float, ...]]
+
+#: Columns that ``predict`` adds, or replaces.
+PREDICTED = {"probability", "lower", "upper", "log_odds_mean", "log_odds_variance"}
 
 Logs: TypeAlias = Union[TableLike, Sequence[TableLike]]
 
@@ -155,14 +158,21 @@ def predict(log: Logs, links: TableLike, *, model: Model | PathLike | None = Non
     -------
     Table
         All columns of the links, and ``probability``, the 90 % interval ``lower`` and ``upper``, ``log_odds_mean`` and
-        ``log_odds_variance``.
+        ``log_odds_variance``. Columns of a mapping come back with their values and types.
     """
     refused = [name for name in ["json", "output", "o"] if name in options]
     if refused:
         raise ValueError(f"predict returns a table; expected no option {refused[0]}")
     with Workspace() as workspace:
-        given = {"model": model, **options}
-        return from_csv(workspace.run("predict", workspace.logs(log), given, links=workspace.file(links, "links.csv")))
+        asked = {"model": model, **options}
+        printed = workspace.run("predict", workspace.logs(log), asked, links=workspace.file(links, "links.csv"))
+    table = from_rows(printed)
+    if isinstance(links, (str, os.PathLike)):
+        return table
+    # The command prints the columns of the links first.
+    given: Any = links
+    names = [name for name in column_names(given) if name.strip().lower() not in PREDICTED]
+    return Table({name: np.array(given[name]) for name in names} | dict(list(table.items())[len(names) :]))
 
 
 def map(  # noqa: A001

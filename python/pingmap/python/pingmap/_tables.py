@@ -115,17 +115,23 @@ def to_csv(table: Any) -> str:
 
 
 def from_csv(text: str) -> Table:
-    """Returns the columns of CSV that pingmap wrote: numbers where all fields are numbers, and text elsewhere."""
+    """Returns the columns of CSV that may begin with remarks."""
     reference = None
     while text.startswith("#"):
         remark, _, text = text.partition("\n")
         if remark.startswith(REFERENCE):
             reference = remark[len(REFERENCE) :].strip()
+    table = from_rows(text)
+    table.reference_system = reference
+    return table
+
+
+def from_rows(text: str) -> Table:
+    """Returns the columns of CSV without remarks: numbers where all fields are numbers, and text elsewhere."""
     rows = csv.reader(io.StringIO(text, newline=""))
     header = next(rows, [])
     columns: list[tuple[str, ...]] = list(zip(*rows)) or [()] * len(header)
-    arrays = {name: array(name, fields) for name, fields in zip(header, columns)}
-    return Table(arrays, reference_system=reference)
+    return Table({name: array(name, fields) for name, fields in zip(header, columns)})
 
 
 def array(name: str, fields: Sequence[str]) -> Array:
@@ -133,7 +139,8 @@ def array(name: str, fields: Sequence[str]) -> Array:
     if name.lower() in TEXT_COLUMNS:
         return np.array(fields, dtype=str)
     try:
-        values = np.array([float(text) if text else np.nan for text in fields], dtype=float)
+        # Python accepts "1_000" as a number, other readers do not.
+        values = np.array([float(text.replace("_", "x")) if text else np.nan for text in fields], dtype=float)
     except ValueError:
         return np.array(fields, dtype=str)
     is_outcome = name == "success" and np.isin(values, [0.0, 1.0]).all()
