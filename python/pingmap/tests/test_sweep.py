@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterable
@@ -20,6 +21,14 @@ from pingmap.sweep import grid, replay_scores, simulated_scores, sweep
 
 def area(width: float, height: float) -> dict[str, float]:
     return {"area": width * height}
+
+
+def unstorable(x: int) -> dict[str, object]:
+    return {"result": object()}
+
+
+def same(x: int) -> dict[str, int]:
+    return {"x": x}
 
 
 TASKS = grid(width=[1.0, 2.0], height=[3.0, 4.0, 5.0])
@@ -100,13 +109,15 @@ def test_a_damaged_result_is_computed_again(tmp_path: Path) -> None:
 def test_the_content_of_a_file_is_part_of_the_task(tmp_path: Path) -> None:
     file = tmp_path / "task.txt"
 
-    def size(path: Path) -> dict[str, int]:
-        return {"size": path.stat().st_size}
+    def size(paths: list[Any]) -> dict[str, int]:
+        return {"size": sum(os.stat(path).st_size for path in paths)}
 
-    for content in ["a", "ab"]:
-        file.write_text(content)
-        assert sweep(size, [{"path": file}], tmp_path / "results")["size"] == [len(content)]
-    assert len(files(tmp_path / "results")) == 2
+    for given in [[file], [str(file)], [str(file), file]]:
+        for content in ["a", "ab"]:
+            file.write_text(content)
+            found = sweep(size, [{"paths": given}], tmp_path / "results")
+            assert found["size"] == [len(given) * len(content)]
+    assert len(files(tmp_path / "results")) == 6
 
 
 def test_bad_tasks_and_results_are_refused(tmp_path: Path) -> None:
@@ -115,7 +126,7 @@ def test_bad_tasks_and_results_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="numbers, text and paths"):
         sweep(area, [{"width": object(), "height": 1.0}], tmp_path)
     with pytest.raises(ValueError, match="cannot be stored"):
-        sweep(lambda x: {"result": object()}, [{"x": 1}], tmp_path)
+        sweep(unstorable, [{"x": 1}], tmp_path)
     assert not files(tmp_path), "no half result remains"
     with pytest.raises(ValueError, match="the workers stored no result of the task"):
         sweep(area, TASKS, tmp_path, map=lambda *arguments: [])
@@ -153,8 +164,54 @@ def test_functions_of_one_name_have_results_of_their_own(tmp_path: Path) -> None
     assert sweep(twice, tasks, tmp_path)["result"] == [3, 5]
 
 
+def test_functions_that_differ_in_default_values_have_results_of_their_own(tmp_path: Path) -> None:
+    def scaled(factor: int) -> Callable[..., dict[str, int]]:
+        def scale(x: int, factor: int = factor) -> dict[str, int]:
+            return {"result": factor * x}
+
+        return scale
+
+    def shifted(offset: int) -> Callable[..., dict[str, int]]:
+        def shift(x: int, *, offset: int = offset) -> dict[str, int]:
+            return {"result": offset + x}
+
+        return shift
+
+    assert [sweep(scaled(factor), grid(x=[5]), tmp_path)["result"] for factor in [2, 3]] == [[10], [15]]
+    assert [sweep(shifted(offset), grid(x=[5]), tmp_path)["result"] for offset in [2, 3]] == [[7], [8]]
+
+
+def test_functions_without_a_source_of_their_own_are_refused(tmp_path: Path) -> None:
+    class Area:
+        __qualname__ = "area"  # type: ignore[assignment]
+
+        def __call__(self, x: int) -> dict[str, int]:
+            return {"result": x}
+
+    names: dict[str, Any] = {}
+    exec("def hidden(x): return {'result': x}", names)
+    offset = 1
+    for function, words in [
+        (Area(), "defined with def"),
+        (lambda x: {"result": x}, "defined with def"),
+        (lambda x: {"result": x + offset}, "defined with def"),
+        (functools.partial(same, x=1), "defined with def"),
+        (dict, "defined with def"),
+        ("".join, "defined with def"),
+        (names["hidden"], "defined in a file"),
+    ]:
+        with pytest.raises(ValueError, match=words):
+            sweep(function, grid(x=[1]), tmp_path)
+    assert not files(tmp_path)
+
+
+def test_results_of_another_build_are_computed_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for build in ["one", "two"]:
+        monkeypatch.setattr("pingmap.sweep._build", lambda: build)
+        sweep(area, TASKS, tmp_path)
+    assert len(files(tmp_path)) == 2 * len(TASKS)
+
+
 def test_results_do_not_replace_parameters(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="'x' of a parameter"):
-        sweep(dict, grid(x=[1]), tmp_path)
-    with pytest.raises(ValueError, match="defined with def"):
-        sweep(functools.partial(dict, y=1), grid(x=[1]), tmp_path)
+        sweep(same, grid(x=[1]), tmp_path)

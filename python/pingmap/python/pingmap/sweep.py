@@ -1,13 +1,14 @@
 """Many replays or simulated missions, on any engine with the interface of ``map``.
 
-A task is a dictionary of arguments. Its result is stored in a file whose name is a digest of the task, so that a sweep
-that was interrupted continues where it stopped, and a task that runs twice gives one result. The final table does not
-depend on the number of workers or on their order.
+A task is a dictionary of arguments. Its result is stored in a file whose name is a digest of the task, the function and
+the build of the package. A sweep that was interrupted therefore continues where it stopped, and a task that runs twice
+gives one result. The final table does not depend on the number of workers or on their order.
 """
 
 from __future__ import annotations
 
 import builtins
+import functools
 import hashlib
 import inspect
 import itertools
@@ -20,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from . import __version__, _commands
+from . import __version__, _commands, _pingmap
 
 __all__ = ["grid", "replay_scores", "simulated_scores", "sweep"]
 
@@ -89,10 +90,11 @@ def sweep(
     Parameters
     ----------
     function : callable
-        A function of a module, which workers can import. It receives the task as keyword arguments, and returns a
-        dictionary of values that JSON can hold.
+        A function that is defined with ``def`` in a module that workers can import. It receives the task as keyword
+        arguments, and returns a dictionary of values that JSON can hold. Its source and its default values are part of
+        the digest. Global variables and other functions that it uses are not: choose another folder when they change.
     tasks : sequence of dictionaries
-        Values are numbers, text, or paths. The content of a file that a `pathlib.Path` names is part of the digest.
+        Values are numbers, text, or paths. The content of a file that a path or text names is part of the digest.
     folder : path
         Folder of the results; created if it does not exist.
     map : callable
@@ -109,7 +111,7 @@ def sweep(
     Raises
     ------
     ValueError
-        If two tasks are equal, or a result cannot be stored as JSON.
+        If two tasks are equal, a result cannot be stored as JSON, or the function is no such function.
 
     Examples
     --------
@@ -124,7 +126,8 @@ def sweep(
     # A worker may have another working directory.
     where = Path(folder).resolve()
     where.mkdir(parents=True, exist_ok=True)
-    files = [where / f"{_digest(function, task)}.json" for task in tasks]
+    identity = _identity(function)
+    files = [where / f"{_digest(identity, task)}.json" for task in tasks]
     if len(set(files)) < len(files):
         raise ValueError("two tasks of the sweep are equal; expected different tasks")
     missing = [number for number, file in enumerate(files) if _stored(file) is None]
@@ -147,24 +150,49 @@ def _plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def _digest(function: Callable[..., Any], task: Mapping[str, Any]) -> str:
-    """Returns the digest of everything that decides the result of a task."""
-
-    def described(value: Any) -> Any:
-        if isinstance(value, os.PathLike):
-            return {"sha256": hashlib.sha256(Path(value).read_bytes()).hexdigest()}
-        raise ValueError(f"a task holds numbers, text and paths, found {value!r}")
-
-    if not hasattr(function, "__qualname__") or inspect.ismethod(function) or getattr(function, "__closure__", None):
+def _identity(function: Callable[..., Any]) -> list[Any]:
+    """Returns everything of a function that decides its results, except for global variables and other functions."""
+    if not inspect.isfunction(function) or function.__name__ == "<lambda>" or function.__closure__:
         raise ValueError(f"expected a function that is defined with def and captures no variable, found {function!r}")
     name = f"{function.__module__}.{function.__qualname__}"
     # Two functions may have one name: one that was edited, or two that are defined in other functions.
     try:
         source = inspect.getsource(function)
-    except (OSError, TypeError):
-        source = ""
-    content = json.dumps([__version__, name, source, task], sort_keys=True, default=described)
+    except (OSError, TypeError) as error:
+        raise ValueError(f"the source of {name} is unknown; expected a function that is defined in a file") from error
+    return [name, source, _described(function.__defaults__), _described(function.__kwdefaults__)]
+
+
+def _digest(identity: list[Any], task: Mapping[str, Any]) -> str:
+    """Returns the digest of everything that decides the result of a task."""
+    content = json.dumps([__version__, _build(), identity, _described(task)], sort_keys=True)
     return hashlib.sha256(content.encode()).hexdigest()
+
+
+@functools.cache
+def _build() -> str:
+    """Returns the digest of the compiled part of the package."""
+    return _sha256(_pingmap.__file__)
+
+
+def _sha256(file: str | os.PathLike[str]) -> str:
+    return hashlib.sha256(Path(file).read_bytes()).hexdigest()
+
+
+def _described(value: Any) -> Any:
+    """Returns a value as JSON, with the content of the files that it names."""
+    if isinstance(value, Mapping):
+        return {name: _described(part) for name, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_described(part) for part in value]
+    if isinstance(value, os.PathLike):
+        return {"sha256": _sha256(value)}
+    if isinstance(value, str) and os.path.isfile(value):
+        return {"text": value, "sha256": _sha256(value)}
+    value = _plain(value)
+    if value is None or isinstance(value, (str, int, float)):
+        return value
+    raise ValueError(f"tasks and default values hold numbers, text and paths, found {value!r}")
 
 
 def _run(function: Callable[..., Mapping[str, Any]], task: dict[str, Any], file: str) -> None:
