@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import functools
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -131,3 +133,43 @@ def test_the_script_has_the_exit_status_of_the_program(tmp_path: Path) -> None:
     for words, status in ([], 2), (["--version"], 0), (["learn", "none.csv"], 2), (["learn", "--nonsense"], 2):
         finished = subprocess.run([sys.executable, "-m", "pingmap", *words], cwd=tmp_path, capture_output=True)
         assert finished.returncode == status, finished
+
+
+@pytest.fixture(scope="module")
+def short_log(folder: Path) -> Path:
+    """An event log of 60 slots."""
+    path = folder / "short.csv"
+    pingmap.run("simulate", "--vehicles=2", "--slots=60", "--seed=1", "-o", path)
+    return path
+
+
+def test_fleet_runs_the_vehicles_with_the_program_of_the_package(short_log: Path) -> None:
+    found = json.loads(pingmap.run("fleet", short_log, "--no-kill", "--json"))
+    program = [sys.executable, "-m", "pingmap", "fleet", str(short_log), "--no-kill", "--json"]
+    printed = subprocess.run(program, capture_output=True, text=True, check=True).stdout
+    assert stable(found) == stable(json.loads(printed))
+
+
+def test_fleet_without_a_program_names_the_option(short_log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shutil, "which", lambda *_, **__: None)
+    with pytest.raises(ValueError, match="found no program pingmap.*--program FILE"):
+        pingmap.run("fleet", short_log)
+    with pytest.raises(pingmap.Error, match="/none/pingmap"):
+        pingmap.run("fleet", short_log, "--program", "/none/pingmap")
+
+
+def test_standard_input_is_refused_and_standard_output_is_not(short_log: Path, model: Path) -> None:
+    words = [
+        ["learn", "-"],
+        ["predict", short_log, "--links=-"],
+        ["import", "--nav", "auv1=-"],
+        ["vehicle"],
+        ["--quiet", "vehicle"],
+    ]
+    calls = [lambda: pingmap.learn("-"), lambda: pingmap.predict(short_log, "-", model=model)]
+    for call in [*calls, *(functools.partial(pingmap.run, *given) for given in words)]:
+        with pytest.raises(ValueError, match="standard input is not available in Python; give a path"):
+            call()
+    for output in [["-o", "-"], ["--output", "-"], ["--output=-"]]:
+        assert pingmap.run("simulate", "--slots=2", "--quiet", *output).startswith("time_s,tx_id")
+    assert pingmap.run("vehicle", "--example").startswith("#")

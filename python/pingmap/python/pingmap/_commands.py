@@ -14,6 +14,7 @@ from typing import Any, TypeAlias, Union
 import numpy as np
 
 from . import _pingmap
+from ._options import refuse_standard_input, with_program
 from ._tables import Table, TableLike, column_names, from_csv, from_rows
 from ._warnings import warn
 from ._workspace import Model, PathLike, Workspace
@@ -47,7 +48,9 @@ def run(*arguments: PathLike) -> str:
     >>> print(pingmap.run("packet", "schema").splitlines()[0])
     Map32, DCCL id 124: 32 of 32 bytes, 252 bits used; 5 inducing points in 1 block
     """
-    return _pingmap.run([os.fsdecode(argument) for argument in arguments], warn)
+    words = [os.fsdecode(argument) for argument in arguments]
+    refuse_standard_input(words)
+    return _pingmap.run(with_program(words), warn)
 
 
 def read_log(path: PathLike) -> Table:

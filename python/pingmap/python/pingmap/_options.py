@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numbers
 import os
-from collections.abc import Mapping
+import shutil
+import sys
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -53,3 +55,30 @@ def text(name: str, value: Any) -> str:
     if isinstance(value, (tuple, list, np.ndarray)):
         return ",".join(text(name, part) for part in value)
     raise ValueError(f"{name}: expected a number, text or a path, found {value!r}")
+
+
+def command_of(words: Sequence[str]) -> str | None:
+    """Returns the command of a command line."""
+    return next((word for word in words if not word.startswith("-")), None)
+
+
+def with_program(words: list[str]) -> list[str]:
+    """Names the program that runs the vehicles of ``fleet``, which would otherwise be the interpreter."""
+    if command_of(words) != "fleet" or any(word.partition("=")[0] == "--program" for word in words):
+        return words
+    beside = os.path.dirname(sys.executable or "")
+    program = shutil.which("pingmap", path=beside) or shutil.which("pingmap")
+    if program is None:
+        raise ValueError(f"fleet: found no program pingmap in {beside} or on the PATH; name it with --program FILE")
+    after = words.index("fleet") + 1
+    return [*words[:after], f"--program={program}", *words[after:]]
+
+
+def refuse_standard_input(words: Sequence[str]) -> None:
+    """Raises a ``ValueError`` if the command would read standard input, because Ctrl-C does not end that."""
+    reads_lines = command_of(words) == "vehicle" and not {"--check", "--example", "--help", "-h"} & set(words)
+    for before, word in zip(["", *words], words):
+        name, _, value = word.rpartition("=")
+        reads_lines |= value == "-" and name != "--output" and before not in ("-o", "--output")
+    if reads_lines:
+        raise ValueError("standard input is not available in Python; give a path, or run the program pingmap")

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, TypeAlias, Union
 
 from . import _pingmap
-from ._options import arguments
+from ._options import arguments, refuse_standard_input
 from ._tables import Table, TableLike, from_csv, to_csv
 from ._warnings import warn
 
@@ -83,6 +83,7 @@ class Workspace:
         if isinstance(options.get("model"), Model):
             options["model"] = self.file(options["model"], "model.toml")
         given = [command, *arguments(options), *arguments(own), "--", *words]
+        refuse_standard_input(given)
         try:
             printed = _pingmap.run(given, lambda text: warn(self.without_folder(text)))
         except (ValueError, _pingmap.Error) as error:
