@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import threading
 from pathlib import Path
 from typing import Any
@@ -142,6 +143,30 @@ def test_bad_input_is_refused_and_changes_nothing(
     for frame in (b"", b"\0" * 32, bytes(range(40))):
         receipt = agent.receive(frame, np.nan)
         assert not receipt.accepted and receipt.reason
+
+
+def test_bad_files_and_lengths_raise_value_errors_that_name_them(team: Path, tmp_path: Path) -> None:
+    agent, bad, latin = Agent("auv1", team), tmp_path / "bad.csv", tmp_path / "latin.csv"
+    bad.write_text("time_s,easting_m,northing_m\n1,0,0\n2,x,0\n")
+    latin.write_bytes(b"tx_id\n\xff\n")
+    reads: list[Any] = [agent.record, agent.predict, agent.record_positions]
+    for path, words in [
+        (tmp_path / "none.csv", "cannot be read: No such file"),
+        (tmp_path, "cannot be read: Is a directory"),
+        (latin, "cannot be read: 'utf-8'"),
+        (bad, ""),
+    ]:
+        for read in reads if path == bad else [*reads, pingmap.Model.read]:
+            for given in (path, str(path)):
+                with pytest.raises(ValueError, match=re.escape(f"{path}: {words}")):
+                    read(given)
+    for table in ({"time_s": [1.0]}, {"time_s": ["x"], "easting_m": [0], "northing_m": [0]}):
+        with pytest.raises(ValueError, match="^positions: "):
+            agent.record_positions(table)
+    assert agent.next_frame(0.0, 2**70) is None
+    for frame_bytes in (-1, 3):
+        with pytest.raises(ValueError, match=f"frame_bytes must be at least 32, found {frame_bytes}"):
+            agent.next_frame(0.0, frame_bytes)
 
 
 def test_a_muted_member_has_no_effect(team: Path, events: dict[str, Any]) -> None:

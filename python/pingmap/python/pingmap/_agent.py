@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
-from pathlib import Path
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from . import _pingmap
-from ._tables import Table, TableLike, from_csv, to_csv
+from ._tables import Table, TableLike, from_csv, read_text, to_csv
 from ._warnings import warn
 from ._workspace import PathLike
 
@@ -92,7 +92,8 @@ class Agent:
         events : table or path
             The columns of an event log. Two events at least are needed to derive a course from positions.
         """
-        self._agent.record(csv_of(events))
+        with naming(events, "events"):
+            self._agent.record(csv_of(events))
 
     def record_positions(self, positions: TableLike) -> None:
         """Records positions of the vehicle from its navigation; one a slot is enough.
@@ -102,13 +103,14 @@ class Agent:
         positions : table or path
             Columns ``time_s``, ``easting_m``, ``northing_m``, and perhaps ``depth_m``.
         """
-        table = from_csv(csv_of(positions))
-        names = ["time_s", "easting_m", "northing_m"]
-        for name in names:
-            if name not in table:
-                raise ValueError(f"positions have no column {name}; expected {', '.join(names)}, and perhaps depth_m")
-        times_s, eastings_m, northings_m = (table[name].astype(float).tolist() for name in names)
-        depths_m = table["depth_m"].astype(float).tolist() if "depth_m" in table else [None] * len(times_s)
+        with naming(positions, "positions"):
+            table = from_csv(csv_of(positions))
+            names = ["time_s", "easting_m", "northing_m"]
+            for name in names:
+                if name not in table:
+                    raise ValueError(f"positions: no column {name}; expected {', '.join(names)}, and perhaps depth_m")
+            times_s, eastings_m, northings_m = (numbers_of(table, name) for name in names)
+            depths_m = numbers_of(table, "depth_m") if "depth_m" in table else [None] * len(times_s)
         self._agent.record_positions(list(zip(times_s, eastings_m, northings_m, depths_m)))
 
     def record_unused_slots(self, times_s: Iterable[float]) -> None:
@@ -142,7 +144,10 @@ class Agent:
         frame_bytes : int, optional
             Largest length of the frame, at least 32; that of the team if not given.
         """
-        return self._agent.next_frame(time_s, self._agent.frame_bytes if frame_bytes is None else frame_bytes)
+        longest = self._agent.frame_bytes if frame_bytes is None else frame_bytes
+        if longest < 0:
+            raise ValueError(f"frame_bytes must be at least 32, found {longest}")
+        return self._agent.next_frame(time_s, min(longest, 2**32))
 
     def predict(self, links: TableLike, *, own_events_only: bool = False) -> Table:
         """Predicts links.
@@ -160,7 +165,8 @@ class Agent:
         Table
             ``probability``, the 90 % interval ``lower`` and ``upper``, ``log_odds_mean`` and ``log_odds_variance``.
         """
-        columns = self._agent.predict(csv_of(links), own_events_only)
+        with naming(links, "links"):
+            columns = self._agent.predict(csv_of(links), own_events_only)
         return Table({name: np.array(values) for name, values in columns.items() if values})
 
     def refit(self) -> None:
@@ -189,6 +195,24 @@ class Agent:
 
 def csv_of(table: TableLike) -> str:
     """Returns the CSV of a table or of a file."""
-    if isinstance(table, (str, os.PathLike)):
-        return Path(table).read_text(encoding="utf-8")
-    return to_csv(table)
+    return read_text(table) if isinstance(table, (str, os.PathLike)) else to_csv(table)
+
+
+def numbers_of(table: Table, name: str) -> list[Any]:
+    """Returns a column of positions as numbers."""
+    if table[name].dtype.kind == "U":
+        raise ValueError(f"positions: column {name}: expected numbers")
+    numbers: list[Any] = table[name].tolist()
+    return numbers
+
+
+@contextmanager
+def naming(table: TableLike, role: str) -> Iterator[None]:
+    """Names the file of a table in errors, instead of its role."""
+    try:
+        yield
+    except ValueError as error:
+        role, is_of_table, problem = str(error).partition(f"{role}: ")
+        if role or not is_of_table or not isinstance(table, (str, os.PathLike)):
+            raise
+        raise ValueError(f"{os.fsdecode(table)}: {problem}") from None

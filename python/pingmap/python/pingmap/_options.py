@@ -14,6 +14,9 @@ import numpy as np
 #: Options with the values ``yes`` and ``no``. All other options with a truth value have no value.
 YES_OR_NO = {"reciprocal"}
 
+#: Options for which ``-`` is standard output.
+OUTPUTS = {"-o", "--output", "--write-splits"}
+
 
 def arguments(options: Mapping[str, Any]) -> list[str]:
     """Returns the options of the command line for keyword arguments.
@@ -79,6 +82,6 @@ def refuse_standard_input(words: Sequence[str]) -> None:
     reads_lines = command_of(words) == "vehicle" and not {"--check", "--example", "--help", "-h"} & set(words)
     for before, word in zip(["", *words], words):
         name, _, value = word.rpartition("=")
-        reads_lines |= value == "-" and name != "--output" and before not in ("-o", "--output")
+        reads_lines |= value == "-" and not {before, name} & OUTPUTS
     if reads_lines:
         raise ValueError("standard input is not available in Python; give a path, or run the program pingmap")

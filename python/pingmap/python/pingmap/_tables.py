@@ -7,6 +7,7 @@ import io
 import numbers
 import os
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, Protocol, TypeAlias, Union
 
 import numpy as np
@@ -112,6 +113,15 @@ def to_csv(table: Any) -> str:
     writer.writerow(names)
     writer.writerows(zip(*columns))
     return text.getvalue()
+
+
+def read_text(path: str | os.PathLike[str]) -> str:
+    """Returns the text of a file."""
+    try:
+        return Path(path).read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        problem = getattr(error, "strerror", None) or error
+        raise ValueError(f"{os.fsdecode(path)}: cannot be read: {problem}") from error
 
 
 def from_csv(text: str) -> Table:

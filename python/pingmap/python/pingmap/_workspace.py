@@ -11,7 +11,7 @@ from typing import Any, TypeAlias, Union
 
 from . import _pingmap
 from ._options import arguments, refuse_standard_input
-from ._tables import Table, TableLike, from_csv, to_csv
+from ._tables import Table, TableLike, from_csv, read_text, to_csv
 from ._warnings import warn
 
 PathLike: TypeAlias = Union[str, "os.PathLike[str]"]
@@ -35,7 +35,7 @@ class Model:
     @classmethod
     def read(cls, path: PathLike) -> Model:
         """Reads a model file. Its content is checked when it is used."""
-        return cls(Path(path).read_text(encoding="utf-8"))
+        return cls(read_text(path))
 
     def save(self, path: PathLike) -> None:
         """Writes the model file, which all commands read with ``--model``."""
@@ -98,6 +98,6 @@ class Workspace:
         """Runs a command that writes a table and prints a report."""
         output = self.path("table.csv")
         report = self.run(command, words, options, output=output, json=True)
-        table = from_csv(Path(output).read_text(encoding="utf-8"))
+        table = from_csv(read_text(output))
         table.report = json.loads(report)
         return table
