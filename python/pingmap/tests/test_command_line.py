@@ -173,3 +173,8 @@ def test_standard_input_is_refused_and_standard_output_is_not(short_log: Path, m
     for output in [["-o", "-"], ["--output", "-"], ["--output=-"]]:
         assert pingmap.run("simulate", "--slots=2", "--quiet", *output).startswith("time_s,tx_id")
     assert pingmap.run("vehicle", "--example").startswith("#")
+
+
+def test_help_and_version_are_results() -> None:
+    assert "--test-share" in pingmap.run("learn", "--help")
+    assert pingmap.run("--version").strip() == f"pingmap {pingmap.__version__}"

@@ -1,7 +1,7 @@
 """The commands of the program as functions of tables.
 
 Every function runs the command of its name in this process. Other keyword arguments are options of that command: see
-``pingmap COMMAND --help``, or ``pingmap.run("learn", "--help")``.
+``pingmap COMMAND --help``, or the text that ``pingmap.run("learn", "--help")`` returns.
 """
 
 from __future__ import annotations

@@ -79,6 +79,8 @@ class Workspace:
 
         The options of the caller and those in ``own`` are joined, so that the command refuses one that is in both.
         """
+        if options.get("help"):
+            raise ValueError(f'{command}: expected no option help; see pingmap.run("{command}", "--help")')
         options = {"quiet": True, **options}
         if isinstance(options.get("model"), Model):
             options["model"] = self.file(options["model"], "model.toml")
