@@ -82,6 +82,22 @@ def test_workers_of_ray_without_ray_name_the_extra() -> None:
     subprocess.run([sys.executable, "-c", program], check=True)
 
 
+def test_modules_are_attributes_of_the_package() -> None:
+    program = (
+        "import sys, pingmap\n"
+        "assert not {'ray', 'dgpc', 'pingmap.sweep'} & set(sys.modules)\n"
+        "assert pingmap.sweep.grid(seed=[1]) == [{'seed': 1}]\n"
+        "sys.modules['ray'] = None\n"
+        "try: pingmap.ray\n"
+        "except ImportError as error: assert 'pingmap[ray]' in str(error)\n"
+        "else: raise SystemExit('no error')\n"
+        "try: pingmap.nothing\n"
+        "except AttributeError as error: assert 'nothing' in str(error)\n"
+        "else: raise SystemExit('no error')"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True)
+
+
 def test_an_interrupted_sweep_continues_where_it_stopped(tmp_path: Path) -> None:
     class Interrupted(Exception):
         pass

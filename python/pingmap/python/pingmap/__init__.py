@@ -9,6 +9,9 @@ Bad input raises a ``ValueError``. Any other failure raises ``pingmap.Error``. S
 command within a second.
 """
 
+import importlib
+from types import ModuleType
+
 from ._agent import Agent, Receipt
 from ._commands import import_mission, learn, map, predict, read_log, replay, run, simulate
 from ._pingmap import Error
@@ -34,3 +37,10 @@ __all__ = [
     "run",
     "simulate",
 ]
+
+
+def __getattr__(name: str) -> ModuleType:
+    """Imports a module of the package when it is first used, because Ray is optional."""
+    if name not in ("ray", "sweep"):
+        raise AttributeError(f"module 'pingmap' has no attribute {name!r}")
+    return importlib.import_module(f".{name}", __name__)
