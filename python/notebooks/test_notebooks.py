@@ -22,3 +22,5 @@ def test_the_notebook_runs(path: Path, tmp_path: Path, monkeypatch: pytest.Monke
             assert not cell["outputs"], "outputs are not committed"
             exec(compile("".join(cell["source"]), path.name, "exec"), names)
     assert list(tmp_path.glob("*.png")), "the notebook draws a picture"
+    if isinstance(plan := names.get("plan"), dict):
+        assert "--model=model.toml" in plan["command"], "the decision uses the model of the map"
