@@ -6,8 +6,10 @@ import doctest
 import os
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
+from conftest import REPOSITORY
 
 import pingmap
 
@@ -23,6 +25,28 @@ def test_the_quick_start_runs_twice_in_one_folder(tmp_path: Path, monkeypatch: p
         for block in blocks:
             exec(compile(block, str(README), "exec"), names)
     assert not any(name.startswith("pingmap-") for name in os.listdir(tmp_path))
+
+
+def test_the_members_of_a_batch_array_share_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    guide = (REPOSITORY / "docs/guides/python.md").read_text(encoding="utf-8")
+    (program,) = (block for block in re.findall(r"```python\n(.*?)```", guide, re.DOTALL) if "SLURM" in block)
+    program = program.replace("range(1, 1001)", "range(1, 6)").replace("slots=[200]", "slots=[60]")
+
+    def seeds() -> object:
+        names: dict[str, Any] = {}
+        exec(compile(program, "missions.py", "exec"), names)
+        return names["table"]["seed"]
+
+    monkeypatch.setenv("SLURM_ARRAY_TASK_COUNT", "2")
+    for member, expected in [("0", [1, 3, 5]), ("1", [2, 4])]:
+        monkeypatch.setenv("SLURM_ARRAY_TASK_ID", member)
+        assert seeds() == expected
+    stored = {file: file.stat().st_mtime_ns for file in (tmp_path / "sweep-results").iterdir()}
+    monkeypatch.delenv("SLURM_ARRAY_TASK_COUNT")
+    monkeypatch.delenv("SLURM_ARRAY_TASK_ID")
+    assert seeds() == [1, 2, 3, 4, 5]
+    assert stored == {file: file.stat().st_mtime_ns for file in (tmp_path / "sweep-results").iterdir()}
 
 
 def test_the_examples_of_docstrings_run() -> None:
