@@ -49,6 +49,21 @@ class Agent:
     ------
     ValueError
         For a team file, model file or key file that cannot be used.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> log = pingmap.simulate(vehicles=2, slots=60, seed=1)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     model, path, team = (f"{folder}/{name}" for name in ["model.toml", "log.csv", "team.toml"])
+    ...     pingmap.learn(log, additions="range").save(model)
+    ...     _ = pingmap.run("simulate", "--vehicles=2", "--slots=60", "--seed=1", "--quiet", "-o", path)
+    ...     _ = pingmap.run("team", path, "--model", model, "--quiet", "-o", team)
+    ...     sender, receiver = pingmap.Agent("auv1", team), pingmap.Agent("auv2", team)
+    >>> sender.record({name: values[log["rx_id"] == "auv1"] for name, values in log.items()})
+    >>> sender.refit()
+    >>> receiver.receive(sender.next_frame(time_s=600.0))
+    Receipt(accepted=True, reason='')
     """
 
     def __init__(self, name: str, team: PathLike, *, record_all_receivers: bool = False) -> None:

@@ -70,6 +70,16 @@ def read_log(path: PathLike) -> Table:
     ------
     ValueError
         With file, line, column, the value and the expected value.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = f"{folder}/log.csv"
+    ...     _ = pingmap.run("simulate", "--slots=10", "--quiet", "-o", path)
+    ...     log = pingmap.read_log(path)
+    >>> len(log["success"]), log["tx_id"][:3].tolist()
+    (20, ['auv1', 'auv1', 'auv2'])
     """
     return from_csv(_pingmap.read_log(os.fsdecode(path)))
 
@@ -88,6 +98,21 @@ def import_mission(*files: PathLike, **options: Any) -> Table:
     -------
     Table
         The event log. Its ``report`` has counts, offsets of clocks and reasons for excluded transmissions.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder, "events.csv")
+    ...     _ = path.write_text(
+    ...         "time_s,tx_id,rx_id,tx_easting_m,tx_northing_m,rx_easting_m,rx_northing_m,success\\n"
+    ...         "10,auv1,auv2,0,0,150,0,heard\\n"
+    ...         "20,auv2,auv1,150,0,0,0,missed\\n"
+    ...     )
+    ...     log = pingmap.import_mission(events=path)
+    >>> log["success"].tolist()
+    [1, 0]
     """
     with Workspace() as workspace:
         return workspace.table("import", [os.fsdecode(file) for file in files], options)
@@ -113,6 +138,12 @@ def simulate(
     -------
     Table
         The event log, with the column ``true_probability``. Its ``report`` describes vehicles and sea floor.
+
+    Examples
+    --------
+    >>> log = pingmap.simulate(vehicles=3, slots=20, seed=1)
+    >>> len(log["success"]), sorted(set(log["tx_id"].tolist()))
+    (40, ['auv1', 'auv2', 'auv3'])
     """
     with Workspace() as workspace:
         return workspace.table("simulate", [], {"vehicles": vehicles, "slots": slots, "seed": seed, **options})
@@ -134,6 +165,12 @@ def learn(log: Logs, *, seed: int | None = None, **options: Any) -> Model:
     -------
     Model
         The model, which the other functions accept. Its ``report`` has the tried structures and their scores.
+
+    Examples
+    --------
+    >>> model = pingmap.learn(pingmap.simulate(vehicles=2, slots=60, seed=1), additions="range")
+    >>> model.report["events"]
+    60
     """
     with Workspace() as workspace:
         output = workspace.path("learned.toml")
@@ -162,6 +199,15 @@ def predict(log: Logs, links: TableLike, *, model: Model | PathLike | None = Non
     Table
         All columns of the links, and ``probability``, the 90 % interval ``lower`` and ``upper``, ``log_odds_mean`` and
         ``log_odds_variance``. Columns of a mapping come back with their values and types.
+
+    Examples
+    --------
+    >>> log = pingmap.simulate(vehicles=2, slots=60, seed=1)
+    >>> links = {"tx_easting_m": [0, 0], "tx_northing_m": [0, 0], "rx_easting_m": [100, 900], "rx_northing_m": [0, 0]}
+    >>> predicted = pingmap.predict(log, links, model=pingmap.learn(log))
+    >>> near, far = predicted["probability"]
+    >>> bool(near > far)
+    True
     """
     refused = [name for name in ["json", "output", "o"] if name in options]
     if refused:
@@ -201,6 +247,13 @@ def map(  # noqa: A001
         (rows, columns), from south to north and from west to east: ``probability``, the 90 % interval ``lower`` and
         ``upper``, and ``explained``, the share of the prior variance that the data explain. With ``as_="both"`` the
         names of these arrays begin with ``tx_`` and ``rx_``. The ``report`` describes the map.
+
+    Examples
+    --------
+    >>> log = pingmap.simulate(vehicles=2, slots=60, seed=1)
+    >>> map = pingmap.map(log, at=(500, 500), model=pingmap.learn(log), cell_m=200, bounds=(0, 0, 800, 400))
+    >>> map["probability"].shape, map["easting_m"].tolist()
+    ((2, 4), [100.0, 300.0, 500.0, 700.0])
     """
     with Workspace() as workspace:
         cells = workspace.table("map", workspace.logs(log), {"at": at, "model": model, **options})
@@ -240,6 +293,14 @@ def replay(
     -------
     dict
         The object that the command prints with ``--json``.
+
+    Examples
+    --------
+    >>> log = pingmap.simulate(vehicles=2, slots=60, seed=1)
+    >>> report = pingmap.replay(log, frames=[1, 5], repeats=1)
+    >>> scores = [row["team"]["nll"] for row in report["sharing"]]
+    >>> len(scores)
+    2
     """
     given = {"model": model, "frames": frames, "online": online, "seed": seed, **options}
     with Workspace() as workspace:

@@ -38,6 +38,12 @@ class Table(dict[str, Array]):
         of (0, 0). Copies to other types lose it; the options ``crs`` and ``origin`` state it again.
     report : dict
         The object that the command prints with ``--json``; empty if there is none.
+
+    Examples
+    --------
+    >>> log = pingmap.simulate(vehicles=2, slots=10, seed=1)
+    >>> log["time_s"][:2].tolist(), log.reference_system, len(log.report["vehicles"])
+    ([10.0, 20.0], None, 2)
     """
 
     def __init__(self, columns: Any = (), /, reference_system: str | None = None, report: Any = None) -> None:

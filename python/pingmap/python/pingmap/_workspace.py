@@ -26,6 +26,15 @@ class Model:
         The content of the model file.
     report : dict
         The object that the command prints with ``--json``.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> model = pingmap.learn(pingmap.simulate(vehicles=2, slots=60, seed=1), additions="range")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     model.save(f"{folder}/model.toml")
+    ...     pingmap.Model.read(f"{folder}/model.toml").text == model.text
+    True
     """
 
     def __init__(self, text: str, report: dict[str, Any] | None = None) -> None:

@@ -51,6 +51,12 @@ def replay_scores(log: Any, *, frames: int = 10, **options: Any) -> dict[str, fl
         Number of packets that every vehicle sends.
     **options
         Other options of ``pingmap replay``, such as ``seed=2``, ``repeats=1`` or ``share="summaries"``.
+
+    Examples
+    --------
+        >>> log = _commands.simulate(vehicles=2, slots=60, seed=1)
+        >>> sorted(replay_scores(log, frames=1, repeats=1, additions="range"))
+        ['centralised', 'distance_only', 'own', 'team']
     """
     found = _commands.replay(log, frames=[frames], **options)
     scores = {name: found["scores"][name]["nll"] for name in ["distance_only", "own", "centralised"]}
@@ -70,6 +76,12 @@ def simulated_scores(
         Numbers of vehicles and of transmissions.
     **options
         As `replay_scores`.
+
+    Examples
+    --------
+        >>> scores = simulated_scores(seed=1, vehicles=2, slots=60, frames=1, repeats=1)
+        >>> scores["centralised"] < 1.0
+        True
     """
     return replay_scores(_commands.simulate(seed=seed, vehicles=vehicles, slots=slots), **options)
 
