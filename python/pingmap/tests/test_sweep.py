@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import functools
 import json
 import os
@@ -9,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -16,6 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import pingmap
 from pingmap.sweep import grid, replay_scores, simulated_scores, sweep
 
 
@@ -29,6 +32,12 @@ def unstorable(x: int) -> dict[str, object]:
 
 def same(x: int) -> dict[str, int]:
     return {"x": x}
+
+
+def mortal(x: int) -> dict[str, int]:
+    if os.environ.get("PINGMAP_TEST_DIES_AT") == str(x):
+        os._exit(1)
+    return {"result": x * x}
 
 
 TASKS = grid(width=[1.0, 2.0], height=[3.0, 4.0, 5.0])
@@ -120,6 +129,35 @@ def test_a_damaged_result_is_computed_again(tmp_path: Path) -> None:
     for number, damage in enumerate([b"", b"{", b"[1]"]):
         sorted(tmp_path.iterdir())[number].write_bytes(damage)
     assert sweep(area, TASKS, tmp_path) == expected
+
+
+def test_a_full_disk_leaves_no_half_result_and_names_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    expected = sweep(area, TASKS, tmp_path / "whole")
+    sweep(area, TASKS[:2], tmp_path / "full")
+    before = files(tmp_path / "full")
+
+    def fails(handle: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as disk:
+        disk.setattr(os, "fsync", fails)
+        with pytest.raises(pingmap.Error, match=r"/full/\w{64}\.json: cannot be written: No space left on device"):
+            sweep(area, TASKS, tmp_path / "full")
+    assert files(tmp_path / "full") == before
+    assert sweep(area, TASKS, tmp_path / "full") == expected
+
+
+def test_results_stay_when_a_worker_dies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tasks = grid(x=[0, 1, 2, 3, 4])
+    monkeypatch.setenv("PINGMAP_TEST_DIES_AT", "3")
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as processes:
+        with pytest.raises(BrokenProcessPool, match="terminated abruptly"):
+            sweep(mortal, tasks, tmp_path, map=processes.map)
+    before = files(tmp_path)
+    assert len(before) == 3
+    monkeypatch.delenv("PINGMAP_TEST_DIES_AT")
+    assert sweep(mortal, tasks, tmp_path)["result"] == [0, 1, 4, 9, 16]
+    assert before.items() <= files(tmp_path).items() and len(files(tmp_path)) == 5
 
 
 def test_the_content_of_a_file_is_part_of_the_task(tmp_path: Path) -> None:

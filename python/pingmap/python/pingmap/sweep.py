@@ -124,6 +124,9 @@ def sweep(
     ------
     ValueError
         If two tasks are equal, a result cannot be stored as JSON, or the function is no such function.
+    pingmap.Error
+        If a result cannot be written, for example because the disk is full. An engine raises its own exception, such as
+        ``BrokenProcessPool``, if a worker dies. Stored results stay in both cases.
 
     Examples
     --------
@@ -224,8 +227,10 @@ def _run(function: Callable[..., Mapping[str, Any]], task: dict[str, Any], file:
             stream.flush()
             os.fsync(stream.fileno())
         os.replace(temporary, file)
-    except BaseException:
+    except BaseException as error:
         os.unlink(temporary)
+        if isinstance(error, OSError):
+            raise _pingmap.Error(f"{file}: cannot be written: {error.strerror}") from error
         raise
 
 
