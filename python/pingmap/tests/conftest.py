@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -55,8 +56,17 @@ def links() -> dict[str, list[float]]:
     }
 
 
-def command_line(*arguments: str | Path) -> str:
-    """Returns what the program prints: the compiled program in PINGMAP if set, and else the script of the package."""
-    program = [os.environ["PINGMAP"]] if "PINGMAP" in os.environ else [sys.executable, "-m", "pingmap"]
-    finished = subprocess.run([*program, *map(str, arguments)], capture_output=True, text=True, check=True)
-    return finished.stdout
+@pytest.fixture(params=["module", "program"])
+def command_line(request: pytest.FixtureRequest) -> Callable[..., str]:
+    """Returns what ``python -m pingmap`` prints, or the compiled program that the variable PINGMAP names."""
+    program = [sys.executable, "-m", "pingmap"]
+    if request.param == "program":
+        if "PINGMAP" not in os.environ:
+            pytest.skip("the variable PINGMAP names no compiled program")
+        program = [os.environ["PINGMAP"]]
+
+    def run(*arguments: str | Path) -> str:
+        finished = subprocess.run([*program, *map(str, arguments)], capture_output=True, text=True, check=True)
+        return finished.stdout
+
+    return run

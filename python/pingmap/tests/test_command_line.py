@@ -8,14 +8,18 @@ import json
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from conftest import REPOSITORY, command_line
+from conftest import REPOSITORY
 
 import pingmap
+
+#: Runs the command line, and returns what it prints.
+CommandLine = Callable[..., str]
 
 #: Keys whose values differ between two runs of one command.
 VARYING = {"command", "file", "seconds"}
@@ -46,7 +50,7 @@ def assert_equal(table: pingmap.Table, text: str) -> None:
             assert np.array_equal(table[name], [float(field or "nan") for field in fields], equal_nan=True), name
 
 
-def test_learn_writes_the_same_model_file(log: Path, tmp_path: Path) -> None:
+def test_learn_writes_the_same_model_file(log: Path, tmp_path: Path, command_line: CommandLine) -> None:
     output = tmp_path / "model.toml"
     printed = command_line("learn", log, "--additions", "range", "--test-share", "0.3", "--json", "-o", output)
     learned = pingmap.learn(log, additions="range", test_share=0.3)
@@ -54,7 +58,9 @@ def test_learn_writes_the_same_model_file(log: Path, tmp_path: Path) -> None:
     assert stable(learned.report) == stable(json.loads(printed))
 
 
-def test_predict_gives_the_same_numbers(log: Path, model: Path, links: dict[str, list[float]], tmp_path: Path) -> None:
+def test_predict_gives_the_same_numbers(
+    log: Path, model: Path, links: dict[str, list[float]], tmp_path: Path, command_line: CommandLine
+) -> None:
     path = tmp_path / "links.csv"
     rows = zip(*links.values(), strict=True)
     path.write_text("\n".join([",".join(links), *(",".join(map(repr, row)) for row in rows)]))
@@ -63,7 +69,9 @@ def test_predict_gives_the_same_numbers(log: Path, model: Path, links: dict[str,
         assert_equal(pingmap.predict(log, given, model=model, time="typical"), printed)
 
 
-def test_map_gives_the_same_numbers_as_arrays_with_coordinates(log: Path, model: Path, tmp_path: Path) -> None:
+def test_map_gives_the_same_numbers_as_arrays_with_coordinates(
+    log: Path, model: Path, tmp_path: Path, command_line: CommandLine
+) -> None:
     output = tmp_path / "map.csv"
     options = ["--at", "600,600", "--at", "100,200", "--cell-m", "100", "--as", "rx", "--json"]
     printed = json.loads(command_line("map", log, "--model", model, *options, "-o", output))
@@ -89,19 +97,19 @@ def test_map_gives_the_same_numbers_as_arrays_with_coordinates(log: Path, model:
     ],
 )
 def test_replay_returns_the_object_of_the_command_line(
-    log: Path, model: Path, words: list[str], options: dict[str, Any]
+    log: Path, model: Path, words: list[str], options: dict[str, Any], command_line: CommandLine
 ) -> None:
     printed = json.loads(command_line("replay", log, "--model", model, *words, "--json"))
     assert stable(pingmap.replay(log, model=model, **options)) == stable(printed)
 
 
-def test_simulate_gives_the_same_log(tmp_path: Path) -> None:
+def test_simulate_gives_the_same_log(tmp_path: Path, command_line: CommandLine) -> None:
     output = tmp_path / "log.csv"
     command_line("simulate", "--vehicles", "4", "--slots", "50", "--seed", "3", "--depths", "-o", output)
     assert_equal(pingmap.simulate(vehicles=4, slots=50, seed=3, depths=True), output.read_text())
 
 
-def test_import_gives_the_same_log_and_the_same_report(tmp_path: Path) -> None:
+def test_import_gives_the_same_log_and_the_same_report(tmp_path: Path, command_line: CommandLine) -> None:
     mission, output = REPOSITORY / "examples/mission", tmp_path / "log.csv"
     printed = command_line(
         "import", mission, "--always-transmits", "--correct-clocks", "auv1", "--json", "-o", output
