@@ -39,7 +39,8 @@ def run(*arguments: PathLike) -> str:
     Raises
     ------
     ValueError
-        For bad input: where the program would have the exit status 2.
+        For bad input: where the program would have the exit status 2. Also for a command that would read standard
+        input, which Ctrl-C could not stop.
     pingmap.Error
         For any other failure: where the program would have the exit status 1.
 
