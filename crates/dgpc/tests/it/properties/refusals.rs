@@ -106,8 +106,7 @@ fn missing_columns_are_refused() {
     let wide = Inputs::from_rows(&[[0.0, 1.0, 2.0]]).unwrap();
     for prior in [Prior::new(kernel(2), PriorMean::Zero).unwrap(), Prior::new(kernel(0), range).unwrap()] {
         let z = line(&[0.0]);
-        let wide_summary = Summary::empty(&prior, &wide).unwrap();
-        let fused = Posterior::fuse(&prior, &Sites::empty(3), &[&wide_summary]).unwrap();
+        let alone = Posterior::prior_alone(&prior, 3);
         let refused: Vec<Error> = [
             Summary::variational(&prior, &sites, &z).err(),
             Summary::marginal(&prior, &sites, &z).err(),
@@ -117,8 +116,8 @@ fn missing_columns_are_refused() {
             dgpc::fit(&prior, &observations, &FitOptions::default()).err(),
             dgpc::fit(&prior, &observations, &FitOptions::default().inducing_points(&z)).err(),
             Gibbs::new(&prior, observations.clone()).err(),
-            fused.latent(&z).err(),
-            fused.probability(&z).err(),
+            alone.latent(&z).err(),
+            alone.probability(&z).err(),
         ]
         .into_iter()
         .enumerate()
@@ -149,12 +148,35 @@ fn inducing_points_without_a_column_of_the_prior_are_refused() {
         let wide = Summary::empty(&prior, &Inputs::from_rows(&[[0.0, 1.0, 2.0]]).unwrap()).unwrap();
         let posterior = Posterior::fuse(&prior, &Sites::empty(3), &[&wide]).unwrap();
         let z = line(&[0.0]);
-        for refused in [
-            Summary::empty(&prior, &z).err(),
-            Summary::from_whitened(&prior, &z, Matrix::zeros(1, 1), vec![0.0]).err(),
-            posterior.summarise(&z).err(),
-        ] {
+        for refused in
+            [Summary::empty(&prior, &z).err(), Summary::from_whitened(&prior, &z, Matrix::zeros(1, 1), vec![0.0]).err()]
+        {
             assert!(matches!(refused, Some(Error::BadColumn { column: 2, columns: 1, .. })), "{refused:?}");
+        }
+        let refused = posterior.summarise(&z).err();
+        assert!(matches!(refused, Some(Error::SizeMismatch { expected: 3, found: 1, .. })), "{refused:?}");
+    }
+}
+
+#[test]
+fn points_with_more_or_fewer_columns_than_the_support_are_refused() {
+    let prior = line_prior(Shape::Matern52);
+    let summary = Summary::empty(&prior, &Inputs::from_rows(&[[0.0, 1.0]]).unwrap()).unwrap();
+    let posterior = Posterior::of_summaries(&prior, &[&summary]).unwrap();
+    let concatenation = Concatenation::new(&prior, &[&summary]).unwrap();
+    for width in [1, 3] {
+        let points = Inputs::new(vec![0.5; 20 * width], width).unwrap();
+        for refused in [
+            posterior.latent(&points).err(),
+            posterior.joint(&points).err(),
+            posterior.summarise(&points).err(),
+            PosteriorAtPoints::new(&posterior, &points).err(),
+            concatenation.latent(&points).err(),
+        ] {
+            assert!(
+                matches!(refused, Some(Error::SizeMismatch { expected: 2, found, .. }) if found == width),
+                "{refused:?}"
+            );
         }
     }
 }
