@@ -6,6 +6,7 @@ use dgpc::{
     Candidates, Error, FitOptions, Gibbs, Observations, Posterior, Prior, Selection, Sites, Summary,
     effective_sample_size,
 };
+use pingmap_agent::Interrupt;
 use rand_chacha::ChaCha8Rng;
 
 use super::choice::{Choice, Omega};
@@ -57,11 +58,13 @@ impl Fit {
     pub(super) fn new(prior: &Prior, events: &Observations, rng: &mut ChaCha8Rng) -> Result<Self, Error> {
         let mut chain = Gibbs::new(prior, events.clone())?;
         for _ in 0..BURN_IN {
+            Interrupt::check()?;
             chain.sweep(rng)?;
         }
         let mut latent = vec![Vec::with_capacity(DRAWS); events.len()];
         let mut draws = Vec::with_capacity(DRAWS);
         for _ in 0..DRAWS {
+            Interrupt::check()?;
             chain.sweep(rng)?;
             draws.push(chain.sites()?);
             latent.iter_mut().zip(chain.latent()).for_each(|(latent, &draw)| latent.push(draw));

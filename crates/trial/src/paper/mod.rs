@@ -12,6 +12,7 @@ mod sweep;
 pub mod statistics;
 
 use dgpc::{Error, Kernel, LocalityRegion, Prior, PriorMean, Shape, Term, common_length_scales, spread_out};
+use pingmap_agent::Interrupt;
 use rayon::prelude::*;
 
 pub use choice::{Choice, Fusion, Omega, Policy, RADIUS, RADIUS_LENGTH_SCALES};
@@ -158,6 +159,7 @@ impl Experiment {
         done: &(dyn Fn() + Sync),
     ) -> Result<Vec<T>, Error> {
         let outcomes = (0..self.permutations).into_par_iter().map(|number| {
+            Interrupt::check()?;
             let outcome = run(&self.permutation(set, regions, for_use, number));
             done();
             outcome
