@@ -74,10 +74,12 @@ def test_ctrl_c_stops_sampling_within_a_second(prior: dgpc.Prior) -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals differ on Windows")
-@pytest.mark.parametrize("work", ["fit", "learn"])
-def test_ctrl_c_stops_fits_and_learning_within_a_second(prior: dgpc.Prior, work: str) -> None:
+@pytest.mark.parametrize("work", ["fit", "learn", "predict"])
+def test_ctrl_c_stops_fits_learning_and_predictions_within_a_second(prior: dgpc.Prior, work: str) -> None:
     x, y = np.tile(X, (12, 1)) + np.linspace(0.0, 1e-3, 12 * len(X))[:, None], np.tile(Y, 12)
+    posterior = dgpc.Posterior(prior, dgpc.Sites(x[:1500], y[:1500], np.full(1500, 0.2)))
     jobs = {
+        "predict": lambda: posterior.probability(np.tile(x, (100, 1))),
         "fit": lambda: dgpc.fit(prior, x, y, inducing_points=400, tolerance=0.0),
         "learn": lambda: dgpc.learn(prior, x[:2400], y[:2400], tolerance=0.0),
     }

@@ -132,3 +132,25 @@ def test_selections_agree_with_the_trace_by_dense_formulas(prior: dgpc.Prior, ev
     assert good.trace < drawn.trace < bad.trace
     assert candidates.condition_on(good.indices).trace == pytest.approx(good.trace, rel=1e-8)
     assert dgpc.Candidates(prior, x, x[good.indices]).trace == pytest.approx(good.trace, rel=1e-6)
+
+
+def test_expectation_propagation_uses_the_messages_of_the_fit(prior: dgpc.Prior, events, sites) -> None:
+    x, y = events
+    message = dgpc.Posterior(prior, sites).summarise(np.array([[3.0, 3.0], [-3.0, 3.0]]))
+    fit = dgpc.fit(prior, x[:5], y[:5], messages=[message])
+    place = np.array([[3.0, 3.0]])
+    variances = [fit.propagated(*given).posterior().latent(place)[1][0] for given in ([], [[message]], [[]])]
+    assert variances[0] == variances[1] < variances[2]
+
+
+def test_predictions_in_parts_have_the_bits_of_one_part(prior: dgpc.Prior) -> None:
+    random = np.random.default_rng(3)
+    x = random.normal(size=(1200, 2))
+    posterior = dgpc.fit(prior, x, x[:, 0] > 0, iterations_max=2).posterior()
+    # 2983 points fill one part: 2^32 multiply-adds, in whole blocks of 256.
+    places = random.normal(size=(7000, 2))
+    mean, variance = posterior.latent(places)
+    pieces = [posterior.latent(places[first : first + 2560]) for first in range(0, 7000, 2560)]
+    assert (mean == np.concatenate([piece[0] for piece in pieces])).all()
+    assert (variance == np.concatenate([piece[1] for piece in pieces])).all()
+    assert (posterior.probability(places) == dgpc.success_probability(mean, variance)).all()

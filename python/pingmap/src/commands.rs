@@ -23,7 +23,12 @@ pub fn run(py: Python<'_>, arguments: Vec<OsString>, warn: &Bound<'_, PyAny>) ->
         let mut printed = Vec::new();
         pingmap::run_until(command_line(arguments), &mut printed, interrupt).map(|()| printed)
     })?;
-    String::from_utf8(printed.map_err(failed)?).map_err(|error| PyValueError::new_err(error.to_string()))
+    match printed {
+        Ok(printed) => String::from_utf8(printed).map_err(|error| PyValueError::new_err(error.to_string())),
+        // The help or the version.
+        Err(failure) if failure.status == 0 => Ok(failure.message),
+        Err(failure) => Err(failed(failure)),
+    }
 }
 
 /// Runs the program, which prints to the standard output and error of the process. Returns the exit status.

@@ -34,13 +34,13 @@ pub fn watch<T: Send>(
                 checked = check().inspect_err(|_| stop());
             }
         }
-        let result = thread.join().map_err(text_of);
+        let result = thread.join().map_err(|panic| text_of(&*panic));
         checked.map(|()| result)
     })
 }
 
 /// Returns the text of a panic.
-fn text_of(panic: Box<dyn Any + Send>) -> String {
+pub fn text_of(panic: &(dyn Any + Send)) -> String {
     let text = panic.downcast_ref::<String>().map(String::as_str).or_else(|| panic.downcast_ref::<&str>().copied());
     format!("internal error: {}", text.unwrap_or_default())
 }

@@ -240,7 +240,7 @@ class Fit:
         self, removed: ArrayLike, x: ArrayLike, y: ArrayLike, weights: ArrayLike | None = None
     ) -> Fit | None: ...
     def latent_at_events(self, x: ArrayLike) -> tuple[_Numbers, _Numbers] | None: ...
-    def propagated(self, summaries: Sequence[Summary] = ...) -> Propagated: ...
+    def propagated(self, summaries: Sequence[Summary] | None = None) -> Propagated: ...
     def __len__(self) -> int: ...
 
 @final
@@ -412,8 +412,8 @@ def learn(
     *,
     weights: ArrayLike | None = None,
     messages: Sequence[Summary] = ...,
-    hyper_prior: dict[str, float] = ...,
-    bounds: Sequence[tuple[float, float] | str | None] = ...,
+    hyper_prior: Mapping[str, float] = ...,
+    bounds: Sequence[Sequence[float] | str | None] = ...,
     warm_start: Prior | None = None,
     start: ArrayLike | None = None,
     further_starts: Sequence[Prior] = ...,

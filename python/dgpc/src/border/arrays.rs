@@ -31,6 +31,18 @@ pub struct Outcomes(pub Vec<bool>);
 #[derive(Clone, Copy)]
 pub struct Count(pub usize);
 
+/// A finite number.
+#[derive(Clone, Copy)]
+pub struct Finite(pub f64);
+
+/// A standard deviation, finite and at least 0.
+#[derive(Clone, Copy)]
+pub struct Deviation(pub f64);
+
+/// A share, from 0 to 1.
+#[derive(Clone, Copy)]
+pub struct Share(pub f64);
+
 /// Whole numbers, at least 0, from an array of one dimension.
 pub struct Whole(pub Vec<usize>);
 
@@ -137,6 +149,40 @@ impl<'py> FromPyObject<'_, 'py> for Count {
             true => PyValueError::new_err("expected a whole number, at least 0 and below 2^64"),
             false => error,
         })
+    }
+}
+
+/// Returns the object as a number for which `is_valid` holds.
+fn number(object: &Bound<'_, PyAny>, expected: &str, is_valid: impl Fn(f64) -> bool) -> PyResult<f64> {
+    let number: f64 = object.extract()?;
+    if is_valid(number) {
+        return Ok(number);
+    }
+    Err(PyValueError::new_err(format!("expected {expected}, found {number}")))
+}
+
+impl<'py> FromPyObject<'_, 'py> for Finite {
+    type Error = PyErr;
+
+    fn extract(object: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        number(&object, "a finite number", f64::is_finite).map(Self)
+    }
+}
+
+impl<'py> FromPyObject<'_, 'py> for Deviation {
+    type Error = PyErr;
+
+    fn extract(object: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        let is_valid = |number: f64| number.is_finite() && number >= 0.0;
+        number(&object, "a finite standard deviation, at least 0", is_valid).map(Self)
+    }
+}
+
+impl<'py> FromPyObject<'_, 'py> for Share {
+    type Error = PyErr;
+
+    fn extract(object: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        number(&object, "a share from 0 to 1", |number| (0.0..=1.0).contains(&number)).map(Self)
     }
 }
 

@@ -5,7 +5,10 @@ mod bytes;
 mod errors;
 mod work;
 
-pub use arrays::{Count, Numbers, Outcomes, Points, Square, Table, Vector, Whole, array, indices, matrix, vector};
+pub use arrays::{
+    Count, Deviation, Finite, Numbers, Outcomes, Points, Share, Square, Table, Vector, Whole, array, indices, matrix,
+    vector,
+};
 pub use bytes::{decode, encode, reduce};
 pub use errors::{Error, bad_input};
-pub use work::{check_memory, generator, interruptible, locked, remember_process, watched, work, work_on};
+pub use work::{check_memory, generator, interruptible, locked, predicted, remember_process, watched, work, work_on};

@@ -1,21 +1,22 @@
 //! Long computations: without the interpreter's lock, after a fork, and with Ctrl-C.
 
 use std::ops::ControlFlow;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, LazyLock, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
-use dgpc::Progress;
+use dgpc::{Inputs, Latent, Progress};
 use pyo3::exceptions::{PyMemoryError, PyRuntimeError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rayon::{ThreadPool, ThreadPoolBuilder};
-use signals::CHECK_AFTER;
+use signals::{CHECK_AFTER, text_of};
 
 use super::arrays::Count;
-use super::errors::failed;
+use super::errors::{Error, failed};
 
 /// Time after which progress is reported, and the time between two reports.
 const PROGRESS_AFTER: Duration = Duration::from_secs(2);
@@ -58,6 +59,34 @@ pub fn interruptible(
     py.check_signals()
 }
 
+/// Multiply-adds of a part of a prediction. Ctrl-C waits for the end of a part.
+const PREDICTION_WORK: usize = 1 << 32;
+
+/// Points in the smallest part. `dgpc` predicts in blocks of such lengths, so the parts do not change any bit.
+const PREDICTION_POINTS: usize = 256;
+
+/// Predicts at points without the interpreter's lock, and checks for Ctrl-C after each part of them. A point costs
+/// `work_each` multiply-adds.
+pub fn predicted(
+    py: Python<'_>,
+    inputs: &Inputs,
+    work_each: usize,
+    latent: impl Fn(&Inputs) -> dgpc::Result<Latent> + Sync,
+) -> PyResult<Latent> {
+    let blocks = PREDICTION_WORK / work_each.saturating_mul(PREDICTION_POINTS).max(1);
+    let points = blocks.max(1) * PREDICTION_POINTS;
+    let mut all = Latent { mean: Vec::new(), variance: Vec::new() };
+    // Without points, a part without points checks the arguments.
+    interruptible(py, inputs.len().div_ceil(points).max(1), |part| {
+        let first = part * points;
+        let found = latent(&inputs.slice(first..inputs.len().min(first + points)))?;
+        all.mean.extend(found.mean);
+        all.variance.extend(found.variance);
+        Ok(())
+    })?;
+    Ok(all)
+}
+
 /// Runs a computation on a thread of its own. Meanwhile the calling thread checks for Ctrl-C, and reports progress.
 ///
 /// `compute` receives the callback for its options. After Ctrl-C, or after an exception of `progress`, the computation
@@ -85,7 +114,7 @@ pub fn watched<T: Send>(
     };
     let stop = || is_stopped.store(true, Ordering::Relaxed);
     let found = signals::watch(py, || on_live_threads(|| compute(&report)), check, stop)?;
-    found.map_err(PyRuntimeError::new_err)??.map_err(failed)
+    found.map_err(Error::new_err)??.map_err(failed)
 }
 
 /// The latest progress of a computation.
@@ -143,11 +172,12 @@ pub fn locked<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 /// Runs `compute` where threads exist. A forked process does not have the threads of its parent, and would wait for
-/// them for ever, so it gets a pool of its own.
+/// them for ever, so it gets a pool of its own. A panic, which is a defect of the computation, becomes an exception.
 fn on_live_threads<T: Send>(compute: impl FnOnce() -> T + Send) -> PyResult<T> {
+    let compute = || catch_unwind(AssertUnwindSafe(compute)).map_err(|panic| Error::new_err(text_of(&*panic)));
     let process = std::process::id();
     if process == *LOADED_BY {
-        return Ok(compute());
+        return compute();
     }
     let pool = {
         let mut known = locked(&AFTER_FORK);
@@ -162,7 +192,7 @@ fn on_live_threads<T: Send>(compute: impl FnOnce() -> T + Send) -> PyResult<T> {
             }
         }
     };
-    Ok(pool.install(compute))
+    pool.install(compute)
 }
 
 /// Checks that memory for a product of sizes, in numbers of eight bytes, can be reserved.

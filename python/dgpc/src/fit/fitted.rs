@@ -32,6 +32,11 @@ impl Fit {
         Self { end: End::of(&fit), fit, messages, is_amended: false }
     }
 
+    /// Returns the given messages, or else those of the fit.
+    fn messages_or<'a>(&'a self, summaries: Option<&'a [Py<Summary>]>) -> Vec<&'a dgpc::Summary> {
+        summaries.map_or_else(|| self.messages.iter().collect(), references)
+    }
+
     /// Returns the number of rows of the fit's posterior with `summaries`.
     fn rows(&self, summaries: &[&dgpc::Summary]) -> usize {
         let own = self.fit.inducing_points().map_or(self.fit.sites().len(), dgpc::Inputs::len);
@@ -160,7 +165,7 @@ impl Fit {
     ///     Messages in place of those that the fit was given. An empty list gives the posterior of the events alone.
     #[pyo3(signature = (summaries=None))]
     fn posterior(&self, py: Python<'_>, summaries: Option<Vec<Py<Summary>>>) -> PyResult<Posterior> {
-        let summaries = summaries.as_deref().map_or_else(|| self.messages.iter().collect(), references);
+        let summaries = self.messages_or(summaries.as_deref());
         let rows = self.rows(&summaries);
         check_memory(&[3, rows, rows])?;
         let events: Vec<usize> = (0..self.fit.sites().len()).collect();
@@ -174,6 +179,7 @@ impl Fit {
     /// events : array of int
     ///     Indices of the events.
     /// summaries : sequence of Summary, optional
+    ///     The messages of other agents. Those that the fit was given do not count by themselves.
     #[pyo3(signature = (events, summaries=vec![]), text_signature = "($self, events, summaries=())")]
     fn posterior_of_part(&self, py: Python<'_>, events: Whole, summaries: Vec<Py<Summary>>) -> PyResult<Posterior> {
         let (events, summaries) = (indices(events, self.fit.sites().len())?, references(&summaries));
@@ -218,10 +224,10 @@ impl Fit {
     /// Parameters
     /// ----------
     /// summaries : sequence of Summary, optional
-    ///     Messages in place of those of the fit.
-    #[pyo3(signature = (summaries=vec![]), text_signature = "($self, summaries=())")]
-    fn propagated(&self, py: Python<'_>, summaries: Vec<Py<Summary>>) -> PyResult<Propagated> {
-        let summaries = references(&summaries);
+    ///     Messages in place of those that the fit was given. An empty list runs without messages.
+    #[pyo3(signature = (summaries=None))]
+    fn propagated(&self, py: Python<'_>, summaries: Option<Vec<Py<Summary>>>) -> PyResult<Propagated> {
+        let summaries = self.messages_or(summaries.as_deref());
         let rows = self.rows(&summaries);
         check_memory(&[4, rows, rows])?;
         watched(py, None, |monitor| Propagated::of(&self.fit, &summaries, Monitor::new(monitor)))

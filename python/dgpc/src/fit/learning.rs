@@ -1,12 +1,10 @@
 //! Learning of priors.
 
-use std::collections::HashMap;
-
 use dgpc::{Calibration, Stop};
 use pyo3::prelude::*;
 
 use super::fitted::Fit;
-use super::options::{LearnArguments, Limits, with_learn_options};
+use super::options::{Deviations, LearnArguments, Limits, with_learn_options};
 use crate::border::{Count, Numbers, Outcomes, Points};
 use crate::posterior::{Summary, copies, observations};
 use crate::prior::Prior;
@@ -124,7 +122,7 @@ impl Learned {
 ///     >>> learned.prior.kernel.terms[0].correlations[0].length_scales[0] > 0.3
 ///     True
 #[pyfunction]
-#[pyo3(signature = (template, x, y, *, weights=None, messages=vec![], hyper_prior=HashMap::new(), bounds=vec![],
+#[pyo3(signature = (template, x, y, *, weights=None, messages=vec![], hyper_prior=Deviations::default(), bounds=vec![],
                     warm_start=None, start=None, further_starts=vec![], start_events_max=Count(150), race_events_max=Count(500),
                     search_events_max=Count(4000), dense_events_max=Count(1200), inducing_points_max=Count(256),
                     inducing_points=None, iterations_max=Count(60), tolerance=1e-7, calibrate=true, progress=None),
@@ -140,7 +138,7 @@ pub fn learn(
     y: Outcomes,
     weights: Option<Numbers>,
     messages: Vec<Py<Summary>>,
-    hyper_prior: HashMap<String, f64>,
+    hyper_prior: Deviations,
     bounds: Vec<Limits>,
     warm_start: Option<Py<Prior>>,
     start: Option<Numbers>,

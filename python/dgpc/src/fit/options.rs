@@ -1,10 +1,9 @@
 //! Options of fits and of learning, with the callback for Ctrl-C and progress.
 
-use std::collections::HashMap;
-
 use dgpc::{Bounds, FitOptions, HyperPrior, LearnOptions, Observations};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use pyo3::types::PyMapping;
 
 use crate::border::{Count, Numbers, Points, check_memory, watched, work};
 use crate::posterior::{Summary, references};
@@ -84,7 +83,7 @@ fn check_memory_of_fit(
 /// The arguments of learning that become its options.
 pub struct LearnArguments {
     pub messages: Vec<Py<Summary>>,
-    pub hyper_prior: HashMap<String, f64>,
+    pub hyper_prior: Deviations,
     pub bounds: Vec<Limits>,
     pub warm_start: Option<Py<Prior>>,
     pub start: Option<Numbers>,
@@ -114,10 +113,10 @@ impl<'py> FromPyObject<'_, 'py> for Limits {
         if object.extract::<String>().is_ok_and(|text| text == "fixed") {
             return Ok(Self(Bounds::Fixed));
         }
-        match object.extract::<(f64, f64)>() {
-            Ok((lower, upper)) => Ok(Self(Bounds::Between { lower, upper })),
-            Err(_) => Err(PyValueError::new_err(format!(
-                "bounds of a parameter must be None, \"fixed\" or a pair of numbers, found {}",
+        match object.extract::<[f64; 2]>() {
+            Ok([lower, upper]) if lower.is_finite() && upper.is_finite() => Ok(Self(Bounds::Between { lower, upper })),
+            _ => Err(PyValueError::new_err(format!(
+                "bounds of a parameter must be None, \"fixed\" or a pair of finite numbers, found {}",
                 object.repr()?
             ))),
         }
@@ -160,10 +159,22 @@ pub fn with_learn_options<T: Send>(
     })
 }
 
+/// Standard deviations of the hyperprior by the names of parameters.
+#[derive(Default)]
+pub struct Deviations(Vec<(String, f64)>);
+
+impl<'py> FromPyObject<'_, 'py> for Deviations {
+    type Error = PyErr;
+
+    fn extract(object: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        object.cast::<PyMapping>()?.items()?.iter().map(|item| item.extract()).collect::<PyResult<_>>().map(Self)
+    }
+}
+
 /// Returns the hyperprior with the standard deviations that are named.
-fn hyper_prior(deviations: &HashMap<String, f64>) -> PyResult<HyperPrior> {
+fn hyper_prior(Deviations(deviations): &Deviations) -> PyResult<HyperPrior> {
     let mut hyper_prior = HyperPrior::default();
-    for (name, &deviation) in deviations {
+    for &(ref name, deviation) in deviations {
         let place = match name.as_str() {
             "length_scale" => &mut hyper_prior.length_scale,
             "variance" => &mut hyper_prior.variance,

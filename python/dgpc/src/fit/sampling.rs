@@ -11,7 +11,8 @@ use crate::prior::Prior;
 
 /// Draws the latent function and ω at the events from their exact posterior. A sweep costs O(N³/3).
 ///
-/// The result has the layout of ArviZ: `arviz.from_dict({"posterior": draws})` accepts it.
+/// The result has the layout of ArviZ: `arviz.from_dict({"posterior": draws})` of ArviZ 1 accepts it, and
+/// `arviz.from_dict(posterior=draws)` of earlier versions.
 ///
 /// Parameters
 /// ----------

@@ -137,6 +137,9 @@ impl ShardedFit {
     }
 
     /// Absorbs the contributions of all shards to the present request, in the order of the shards.
+    ///
+    /// A contribution does not name its shard, so the caller must pass each shard's contribution once.
+    /// `dgpc.sharded.fit` does so.
     fn absorb(&self, py: Python<'_>, contributions: Vec<Numbers>) -> PyResult<()> {
         work_on(py, &self.fit, |fit| fit.absorb(sum(&contributions)?))
     }

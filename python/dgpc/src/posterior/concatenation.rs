@@ -4,7 +4,7 @@ use pyo3::prelude::*;
 
 use super::fused::pair;
 use super::summary::{Summary, references};
-use crate::border::{Points, Vector, check_memory, vector, work};
+use crate::border::{Points, Vector, check_memory, predicted, vector, work};
 use crate::prior::Prior;
 
 /// The paper's fusion of summaries: their means and covariances, stacked block by block.
@@ -17,7 +17,16 @@ use crate::prior::Prior;
 /// prior : Prior
 /// summaries : sequence of Summary
 #[pyclass(frozen, module = "dgpc")]
-pub struct Concatenation(dgpc::Concatenation);
+pub struct Concatenation {
+    concatenation: dgpc::Concatenation,
+    rows: usize,
+}
+
+impl Concatenation {
+    fn predicted(&self, py: Python<'_>, inputs: &dgpc::Inputs) -> PyResult<dgpc::Latent> {
+        predicted(py, inputs, self.rows * self.rows, |part| self.concatenation.latent(part))
+    }
+}
 
 #[pymethods]
 impl Concatenation {
@@ -26,22 +35,23 @@ impl Concatenation {
         let summaries = references(&summaries);
         let rows = summaries.iter().map(|summary| summary.len()).sum();
         check_memory(&[3, rows, rows])?;
-        work(py, || dgpc::Concatenation::new(&prior.0, &summaries).map(Self))
+        let concatenation = work(py, || dgpc::Concatenation::new(&prior.0, &summaries))?;
+        Ok(Self { concatenation, rows })
     }
 
     /// Returns the mean and the variance of the latent function at every point. See `Posterior.latent`.
     fn latent<'py>(&self, py: Python<'py>, x: Points) -> PyResult<(Vector<'py>, Vector<'py>)> {
-        Ok(pair(py, work(py, || self.0.latent(&x.0))?))
+        Ok(pair(py, self.predicted(py, &x.0)?))
     }
 
     /// Returns the probability of success at every point.
     fn probability<'py>(&self, py: Python<'py>, x: Points) -> PyResult<Vector<'py>> {
-        Ok(vector(py, work(py, || self.0.probability(&x.0))?))
+        Ok(vector(py, self.predicted(py, &x.0)?.probability()))
     }
 
     /// The largest jitter of all factorisations behind the concatenation, ordinarily 0.
     #[getter]
     fn jitter(&self) -> f64 {
-        self.0.jitter()
+        self.concatenation.jitter()
     }
 }

@@ -1,6 +1,7 @@
 //! Posteriors of events and summaries.
 
 use dgpc::Matrix;
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use rand_distr::{Distribution, StandardNormal};
 
@@ -9,8 +10,8 @@ use super::shift::Shift;
 use super::sites::{Sites, observations};
 use super::summary::{Summary, references};
 use crate::border::{
-    Count, Numbers, Outcomes, Points, Table, Vector, check_memory, decode, encode, generator, matrix, reduce, vector,
-    work,
+    Count, Deviation, Numbers, Outcomes, Points, Table, Vector, check_memory, decode, encode, generator, matrix,
+    predicted, reduce, vector, work,
 };
 use crate::prior::Prior;
 
@@ -27,7 +28,7 @@ use crate::prior::Prior;
 /// summaries : sequence of Summary, optional
 ///     The messages of other agents, formed under the same prior.
 /// dimension : int, optional
-///     Number of columns of the inputs, if there are neither sites nor summaries.
+///     Number of columns of the inputs. It is needed only without sites and summaries.
 ///
 /// Examples
 /// --------
@@ -54,6 +55,12 @@ impl Posterior {
     /// Computes the posterior of its parts. O(n³).
     pub fn of(parts: Parts) -> dgpc::Result<Self> {
         parts.fused().map(|posterior| Self { posterior, parts })
+    }
+
+    /// Returns the mean and the variance at every point.
+    fn predicted(&self, py: Python<'_>, inputs: &dgpc::Inputs) -> PyResult<dgpc::Latent> {
+        let rows = self.posterior.len();
+        predicted(py, inputs, rows * rows, |part| self.posterior.latent(part))
     }
 
     /// Returns the posterior that `absorb` made from a copy of this posterior and of its parts.
@@ -86,8 +93,14 @@ impl Posterior {
     ) -> PyResult<Self> {
         let summaries = references(&summaries);
         let of_summaries = summaries.first().map(|summary| summary.inducing_points().dimension());
-        let dimension = dimension.map(|Count(dimension)| dimension).or(of_summaries).unwrap_or(1);
-        let nothing = dgpc::Sites::empty(dimension);
+        let dimension = dimension.map(|Count(dimension)| dimension).or(of_summaries);
+        let found = sites.map(|sites| sites.0.inputs().dimension());
+        if let (Some(dimension), Some(found)) = (dimension, found)
+            && dimension != found
+        {
+            return Err(PyValueError::new_err(format!("expected sites of {dimension} columns, found {found}")));
+        }
+        let nothing = dgpc::Sites::empty(dimension.unwrap_or(1));
         let parts = Parts::new(&prior.0, sites.map_or(&nothing, |sites| &sites.0), &summaries);
         parts.check_memory()?;
         work(py, || Self::of(parts))
@@ -125,7 +138,7 @@ impl Posterior {
     ///     Log-odds of success.
     /// variance : array of shape (N,)
     fn latent<'py>(&self, py: Python<'py>, x: Points) -> PyResult<(Vector<'py>, Vector<'py>)> {
-        Ok(pair(py, work(py, || self.posterior.latent(&x.0))?))
+        Ok(pair(py, self.predicted(py, &x.0)?))
     }
 
     /// Returns the probability of success at every point, averaged over the latent function.
@@ -138,7 +151,7 @@ impl Posterior {
     /// -------
     /// array of shape (N,)
     fn probability<'py>(&self, py: Python<'py>, x: Points) -> PyResult<Vector<'py>> {
-        Ok(vector(py, work(py, || self.posterior.probability(&x.0))?))
+        Ok(vector(py, self.predicted(py, &x.0)?.probability()))
     }
 
     /// Returns the joint mean and covariance of the latent function at the points.
@@ -263,11 +276,11 @@ impl Posterior {
     /// y : array of shape (N,)
     /// offset_sd : float, optional
     ///     Standard deviation of a common offset of the latent function that is no contradiction.
-    #[pyo3(signature = (x, y, *, offset_sd=0.0))]
-    fn contradiction(&self, py: Python<'_>, x: Points, y: Outcomes, offset_sd: f64) -> PyResult<f64> {
+    #[pyo3(signature = (x, y, *, offset_sd=Deviation(0.0)), text_signature = "($self, x, y, *, offset_sd=0.0)")]
+    fn contradiction(&self, py: Python<'_>, x: Points, y: Outcomes, offset_sd: Deviation) -> PyResult<f64> {
         check_memory(&[4, x.0.len(), x.0.len()])?;
         let reported = observations(x, y, None)?;
-        work(py, || self.posterior.contradiction(&reported, offset_sd))
+        work(py, || self.posterior.contradiction(&reported, offset_sd.0))
     }
 
     /// The prior of the posterior.

@@ -2,7 +2,7 @@
 
 use pyo3::prelude::*;
 
-use crate::border::{Table, Vector, matrix, vector};
+use crate::border::{Deviation, Table, Vector, matrix, vector};
 
 /// The shift of the latent function by summaries, and the uncertainty without them. `Posterior.shift_by` returns it.
 #[pyclass(frozen, module = "dgpc")]
@@ -28,8 +28,8 @@ impl Shift {
     /// ----------
     /// offset_sd : float, optional
     ///     Standard deviation of a common offset of the latent function that is no surprise.
-    #[pyo3(signature = (offset_sd=0.0))]
-    fn largest(&self, offset_sd: f64) -> f64 {
-        self.0.largest(offset_sd)
+    #[pyo3(signature = (offset_sd=Deviation(0.0)), text_signature = "($self, offset_sd=0.0)")]
+    fn largest(&self, offset_sd: Deviation) -> f64 {
+        self.0.largest(offset_sd.0)
     }
 }

@@ -4,8 +4,8 @@ use pyo3::prelude::*;
 
 use super::sites::Sites;
 use crate::border::{
-    Numbers, Points, Square, Table, Vector, array, bad_input, check_memory, decode, encode, matrix, reduce, vector,
-    work,
+    Numbers, Points, Share, Square, Table, Vector, array, bad_input, check_memory, decode, encode, matrix, reduce,
+    vector, work,
 };
 use crate::prior::Prior;
 
@@ -231,8 +231,8 @@ impl Summary {
     }
 
     /// Returns the message with its factor raised to the power `share`, from 0 to 1.
-    fn tempered(&self, share: f64) -> Self {
-        Self(self.0.tempered(share))
+    fn tempered(&self, share: Share) -> Self {
+        Self(self.0.tempered(share.0))
     }
 
     /// Returns the message that has the same factor under another prior.

@@ -3,7 +3,7 @@
 use numpy::PyArray1;
 use pyo3::prelude::*;
 
-use crate::border::{Count, Points, Whole, check_memory, generator, work};
+use crate::border::{Count, Points, Share, Whole, check_memory, generator, work};
 use crate::posterior::Posterior;
 use crate::prior::AnyKernel;
 
@@ -102,9 +102,9 @@ impl Candidates {
     }
 
     /// Returns the indices of candidates that keep at least this share of their prior variance given those before.
-    #[pyo3(signature = (share_min=dgpc::DISTINCT_SHARE), text_signature = "($self, share_min=1e-4)")]
-    fn distinct<'py>(&self, py: Python<'py>, share_min: f64) -> PyResult<Bound<'py, PyArray1<i64>>> {
-        let kept = work(py, || Ok(self.0.distinct(share_min)))?;
+    #[pyo3(signature = (share_min=Share(dgpc::DISTINCT_SHARE)), text_signature = "($self, share_min=1e-4)")]
+    fn distinct<'py>(&self, py: Python<'py>, share_min: Share) -> PyResult<Bound<'py, PyArray1<i64>>> {
+        let kept = work(py, || Ok(self.0.distinct(share_min.0)))?;
         Ok(PyArray1::from_iter(py, kept.into_iter().map(|index| index as i64)))
     }
 

@@ -2,7 +2,7 @@
 
 use pyo3::prelude::*;
 
-use crate::border::{Points, check_memory, work};
+use crate::border::{Finite, Points, check_memory, work};
 use crate::posterior::Sites;
 use crate::prior::Prior;
 
@@ -78,8 +78,8 @@ impl Certificate {
     }
 
     /// Returns the divergence itself, from `dgpc.log_evidence` of the same sites.
-    fn divergence(&self, log_evidence: f64) -> f64 {
-        self.0.divergence(log_evidence)
+    fn divergence(&self, log_evidence: Finite) -> f64 {
+        self.0.divergence(log_evidence.0)
     }
 
     fn __repr__(&self) -> String {
