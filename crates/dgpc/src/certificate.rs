@@ -1,7 +1,7 @@
 //! Distance of a sparse posterior from the full posterior: bounds on the log evidence given ω, and the KL certificate
 //! ([`crate::method::inducing_points`]).
 
-use crate::cross::{Cross, KEPT_MAX, Sums, condense, residual};
+use crate::cross::{Cross, Sums, condense, kept_max, residual};
 use crate::error::{Result, finite};
 use crate::inputs::Inputs;
 use crate::linalg::{Cholesky, Matrix, fill_scaled, squared_norm};
@@ -41,7 +41,7 @@ impl Certificate {
     /// * [`crate::Error::NotFinite`] if numbers near the end of the floating-point range overflow.
     pub fn new(prior: &Prior, sites: &Sites, inducing_points: &Inputs) -> Result<Self> {
         let points = Cholesky::with_jitter("K_MM", &prior.kernel().gram(inducing_points)?)?;
-        let cross = Cross::new(prior.kernel(), inducing_points, sites.inputs())?.kept(KEPT_MAX)?;
+        let cross = Cross::new(prior.kernel(), inducing_points, sites.inputs())?.kept(kept_max(sites.len()))?;
         let residual = residual(&cross, &points)?;
         let shift = sites.shift(prior.mean())?;
         let trace: f64 = residual.iter().sum();

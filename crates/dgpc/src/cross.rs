@@ -11,9 +11,11 @@ use crate::linalg::{
 };
 use crate::parts::{BLOCK, blocks, on_parts, parts};
 
-/// Largest number of covariances that are kept in memory, 59 MB. Further covariances are computed each time they are
-/// needed.
-pub(crate) const KEPT_MAX: usize = 7 << 20;
+/// Returns the largest number of covariances of N events that are kept in memory. Together with four numbers an event
+/// they take at most 59 MB. Further covariances are computed each time they are needed.
+pub(crate) fn kept_max(events: usize) -> usize {
+    (7_usize << 20).saturating_sub(4 * events)
+}
 
 /// The covariances K_NM of N events with M inducing points.
 pub(crate) struct Cross<'a> {
@@ -150,7 +152,7 @@ mod tests {
         let omega: Vec<f64> = (0..700).map(|n| 0.05 + 0.2 * f64::from(n % 7) / 7.0).collect();
         let shift: Vec<f64> = (0..700).map(|n| if n % 3 == 0 { 0.5 } else { -0.5 }).collect();
         let recomputed = Cross::new(&kernel, &points, &inputs).unwrap();
-        let kept = Cross::new(&kernel, &points, &inputs).unwrap().kept(KEPT_MAX).unwrap();
+        let kept = Cross::new(&kernel, &points, &inputs).unwrap().kept(kept_max(inputs.len())).unwrap();
         assert_eq!((recomputed.kept.len(), kept.kept.len()), (0, 3));
         let [one, other] = [&recomputed, &kept].map(|cross| condense(cross, &cholesky, &omega, &shift).unwrap());
         assert_eq!((&one.precision, &one.shift), (&other.precision, &other.shift));

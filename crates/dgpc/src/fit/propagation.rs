@@ -6,7 +6,7 @@ use super::dense::Dense;
 use super::mean_field::MeanField;
 use super::posterior::posterior_of;
 use super::sparse::{Coordinator, EventCovariances, Site};
-use crate::cross::KEPT_MAX;
+use crate::cross::kept_max;
 use crate::error::Result;
 use crate::inputs::Inputs;
 use crate::likelihood::Likelihood;
@@ -176,7 +176,8 @@ impl<'a> Run<'a> {
     ) -> Result<OmegaKappa> {
         let mut coordinator = Coordinator::new(prior, likelihood, points)?;
         let inputs = likelihood.observations.inputs();
-        let mut events = EventCovariances::new(prior, inputs, points, Arc::clone(coordinator.cholesky()), KEPT_MAX)?;
+        let mut events =
+            EventCovariances::new(prior, inputs, points, Arc::clone(coordinator.cholesky()), kept_max(inputs.len()))?;
         let (mut omega, mut kappa) = (mean_field.sites.omega().to_vec(), mean_field.sites.kappa().to_vec());
         let mut walk = events.begin(inputs, |n| (omega[n], kappa[n]))?;
         while self.is_unfinished() {

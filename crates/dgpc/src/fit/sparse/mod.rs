@@ -23,7 +23,7 @@ use std::sync::Arc;
 
 use super::mean_field::MeanField;
 use super::options::FitOptions;
-use crate::cross::KEPT_MAX;
+use crate::cross::kept_max;
 use crate::error::{Result, same_size};
 use crate::inputs::Inputs;
 use crate::likelihood::Likelihood;
@@ -64,7 +64,7 @@ fn run<'a>(
     same_size("input dimension", points.dimension(), likelihood.observations.inputs().dimension())?;
     let coordinator = Coordinator::new(prior, likelihood, points)?;
     let (inputs, cholesky) = (likelihood.observations.inputs(), Arc::clone(coordinator.cholesky()));
-    let covariances = EventCovariances::new(prior, inputs, points, cholesky, KEPT_MAX)?;
+    let covariances = EventCovariances::new(prior, inputs, points, cholesky, kept_max(inputs.len()))?;
     let mut shard = Shard::of_covariances(Cow::Borrowed(likelihood.observations), covariances, options.start);
     let mut iteration = Iteration::new(coordinator, options);
     while let Some(request) = iteration.request() {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::events::{EventCovariances, EventMoments, Site, Walk};
 use super::gradient::Slope;
 use super::point_posterior::PointPosterior;
-use crate::cross::KEPT_MAX;
+use crate::cross::kept_max;
 use crate::error::{Error, Result, same_size};
 use crate::fit::mean_field::{TILT_MIN, TILT_START, omega, omega_and_ln_2_cosh};
 use crate::inputs::Inputs;
@@ -138,7 +138,8 @@ impl<'a> Shard<'a> {
     /// and inducing points have different dimensions; [`Error::NotPositiveDefinite`] if inducing points coincide too
     /// closely for any small jitter.
     pub fn new(prior: &Prior, observations: Cow<'a, Observations>, inducing_points: &Inputs) -> Result<Self> {
-        Self::with_memory(prior, observations, inducing_points, KEPT_MAX)
+        let covariances_max = kept_max(observations.len());
+        Self::with_memory(prior, observations, inducing_points, covariances_max)
     }
 
     /// Creates a shard that keeps at most `covariances_max` covariances in memory, 8 bytes each. Other covariances are
