@@ -46,8 +46,9 @@ pub struct Candidates {
     variance: Vec<f64>,
     /// Variance that remains at a candidate after it is chosen, N. It is 0 if f is then taken as known there.
     floor: Vec<f64>,
-    /// Number of rows of the public posterior that the covariance includes.
-    absorbed: usize,
+    /// The features of the candidates under the public posterior of [`Candidates::towards`], N×n for its n rows that the
+    /// covariance includes.
+    features: Matrix,
     jitter: f64,
 }
 
@@ -58,7 +59,8 @@ impl Candidates {
     /// [`crate::Error::BadColumn`] if the kernel uses a column that the inputs do not have.
     pub fn new(kernel: &Kernel, inputs: &Inputs) -> Result<Self> {
         let variance = kernel.diagonal(inputs)?;
-        Ok(Self { gram: kernel.gram(inputs)?, floor: vec![0.0; variance.len()], variance, absorbed: 0, jitter: 0.0 })
+        let (floor, features) = (vec![0.0; variance.len()], Matrix::zeros(variance.len(), 0));
+        Ok(Self { gram: kernel.gram(inputs)?, floor, variance, features, jitter: 0.0 })
     }
 
     /// Creates candidates given f at the points `known`. No choice is then spent on variance that these explain.
@@ -100,13 +102,12 @@ impl Candidates {
     /// [`Error::SizeMismatch`] if the numbers of variances and candidates differ, and as [`Posterior::latent`].
     pub fn towards(public: &Posterior, variance: &[f64], inputs: &Inputs) -> Result<Self> {
         same_size("variances, one per candidate", inputs.len(), variance.len())?;
-        let (_, gram) = public.joint(inputs)?;
-        let prior_variance = public.prior().kernel().diagonal(inputs)?;
-        let (floor, absorbed) = (variance.to_vec(), public.len());
-        Ok(Self { gram, variance: prior_variance, floor, absorbed, jitter: public.jitter() })
+        let mut candidates = Self { floor: variance.to_vec(), ..Self::new(public.prior().kernel(), inputs)? };
+        candidates.follow(public, inputs)?;
+        Ok(candidates)
     }
 
-    /// Updates the covariance by the evidence that the `public` of [`Candidates::towards`] has absorbed since. O(n²N +
+    /// Updates the covariance by the evidence that the `public` of [`Candidates::towards`] has absorbed since. O(nmN +
     /// N²m) for m new rows of its n rows.
     ///
     /// `inputs` are those of the candidates. The candidates must not have been conditioned on any point.
@@ -115,8 +116,14 @@ impl Candidates {
     /// [`Error::SizeMismatch`] if the numbers of inputs and candidates differ, and as [`Posterior::latent`].
     pub fn follow(&mut self, public: &Posterior, inputs: &Inputs) -> Result<()> {
         same_size("inputs, one per candidate", self.len(), inputs.len())?;
-        public.take_explained(inputs, self.absorbed, &mut self.gram)?;
-        (self.absorbed, self.jitter) = (public.len(), public.jitter());
+        let first = self.features.columns();
+        if first == public.len() {
+            return Ok(());
+        }
+        public.append_features(inputs, &mut self.features)?;
+        let new = self.features.view().subcols(first, public.len() - first);
+        add_symmetric_product(-1.0, new, &mut self.gram);
+        self.jitter = public.jitter();
         Ok(())
     }
 
@@ -229,9 +236,13 @@ impl Candidates {
     fn greedy_from(&self, mut remaining: Reductions<'_>, points: usize, aim: Aim) -> Selection {
         let mut indices = Vec::with_capacity(points.min(self.len()));
         while indices.len() < points {
-            let Some((candidate, _)) = self.best(&remaining, aim) else { break };
-            self.take(&mut remaining, candidate, DISTINCT_SHARE);
+            let Some((candidate, reduction)) = self.best(&remaining, aim) else { break };
             indices.push(candidate);
+            if indices.len() == points {
+                // Nothing is chosen after the last point.
+                return Selection { indices, trace: (remaining.trace() - reduction).max(0.0) };
+            }
+            self.take(&mut remaining, candidate, DISTINCT_SHARE);
         }
         Selection { indices, trace: remaining.trace() }
     }

@@ -328,19 +328,6 @@ impl Posterior {
         Ok((mean, covariance))
     }
 
-    /// Subtracts from the covariance of f at `inputs` the part that the support's rows from `first` on explain, given
-    /// the rows before them.
-    pub(crate) fn take_explained(&self, inputs: &Inputs, first: usize, covariance: &mut Matrix) -> Result<()> {
-        if first == self.len() {
-            return Ok(());
-        }
-        let mut features = self.features(inputs)?;
-        self.explain(&mut features);
-        let new = features.t().subcols(first, self.len() - first);
-        add_symmetric_product(-1.0, new, covariance);
-        Ok(())
-    }
-
     /// Returns the summary of this posterior at `inducing_points`: the message that turns the prior there into this
     /// posterior's joint mean and covariance. For a posterior of events alone it equals [`Summary::marginal`].
     /// O(Mn² + M²n + M³).
