@@ -47,12 +47,16 @@ fn links(count: usize, seed: u64) -> Vec<Link> {
     (0..count).map(|_| Link { transmitter: place(), receiver: place() }).collect()
 }
 
-/// Forms the next frame; returns its length.
-pub fn next_frame(bytes: usize) -> Box<dyn FnMut() -> f64> {
+/// Frames that a vehicle forms one after the other.
+pub const FRAMES: usize = 10;
+
+/// Forms frames one after the other, each of which departs; returns their length.
+pub fn next_frames(bytes: usize) -> Box<dyn FnMut() -> f64> {
     let agent = agent(bytes);
     Box::new(move || {
-        let frame = agent.clone().next_frame(Some(1e4), bytes).expect("a frame").expect("data to send").bytes;
-        frame.len() as f64
+        let mut agent = agent.clone();
+        let mut next = |number| agent.next_frame(Some(1e4 + 10.0 * number as f64), bytes).expect("a frame");
+        (0..FRAMES).filter_map(|number| next(number)).map(|frame| frame.bytes.len() as f64).sum()
     })
 }
 
