@@ -28,9 +28,6 @@ impl Agent {
     /// Returns the posteriors by expectation propagation, begun at the last fits. Their variances are not too small
     /// where all outcomes are equal, as those of the mean field are. The result is kept until data change. Ten to
     /// thirty iterations of [`Agent::refit`]; without a fit, the posteriors of predictions.
-    ///
-    /// # Errors
-    /// [`AgentError::Method`] for a numerical failure.
     pub(crate) fn interval_posteriors(&mut self) -> Result<Arc<IntervalPosteriors>, AgentError> {
         self.update()?;
         if let Some(known) = self.interval_cache.get() {

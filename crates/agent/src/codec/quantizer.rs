@@ -242,14 +242,12 @@ fn correlation_levels(summary: &Summary) -> Vec<i8> {
     partial_correlations(summary.whitened_precision()).into_iter().map(correlation_level).collect()
 }
 
-/// Returns the partial correlation at a level.
 fn correlation_at(level: i8) -> f64 {
     let index = usize::from(level.unsigned_abs()).checked_sub(1);
     let size = index.map_or(0.0, |index| CORRELATIONS[index.min(CORRELATIONS.len() - 1)]);
     size.copysign(f64::from(level))
 }
 
-/// Returns the nearest level of a partial correlation.
 fn correlation_level(partial: f64) -> i8 {
     let error = |level: &i8| (correlation_at(*level) - partial).abs();
     (-CORRELATION_LEVELS..=CORRELATION_LEVELS).min_by(|a, b| error(a).total_cmp(&error(b))).unwrap_or(0)
@@ -276,7 +274,6 @@ fn information_level(value: f64) -> u8 {
     1 + ((value / low).ln() / (high / low).ln() * steps).round().clamp(0.0, steps) as u8
 }
 
-/// Returns the whitened mean at a level.
 fn mean_at(level: i8) -> f64 {
     let steps = level.unsigned_abs();
     let size = match usize::from(steps).checked_sub(usize::from(MEAN_LEVELS.unsigned_abs()) + 1 - FAR_MEANS.len()) {
@@ -286,7 +283,6 @@ fn mean_at(level: i8) -> f64 {
     size.copysign(f64::from(level))
 }
 
-/// Returns the nearest level of a whitened mean.
 fn mean_level(value: f64) -> i8 {
     let error = |level: &i8| (mean_at(*level) - value.abs()).abs();
     let nearest = (0..=MEAN_LEVELS).min_by(|a, b| error(a).total_cmp(&error(b))).unwrap_or(0);

@@ -95,12 +95,10 @@ pub enum Refusal {
     /// The sender has sent a full window of later packets or reports.
     #[error("older than the window of its sender")]
     TooOld,
-    /// Another packet has the same sender and counter. Two vehicles use one number, or the sender restarted without its
-    /// memory. Neither packet counts.
+    /// Two vehicles use one number, or the sender restarted without its memory. Neither packet counts.
     #[error("another packet of the same sender has counter {0}")]
     Conflict(u16),
-    /// The report or the piggybacked outcomes contain a slot that is ahead of this vehicle's clock: one of the two
-    /// clocks is wrong. They count as soon as the clock allows the slot.
+    /// One of the two clocks is wrong. The outcomes count as soon as this vehicle's clock allows the slot.
     #[error("slot {slot} is ahead of this vehicle's clock, which allows slots up to {latest}: it waits")]
     SlotAhead {
         /// The slot.
@@ -108,8 +106,7 @@ pub enum Refusal {
         /// Latest slot that the clock allows.
         latest: u32,
     },
-    /// The counter is larger than the schedule allows its sender by this vehicle's clock. The packet counts as soon as
-    /// the clock allows the counter.
+    /// By this vehicle's clock the schedule does not allow that counter yet. The packet counts as soon as it does.
     #[error("counter {counter} is ahead of this vehicle's clock, which allows counters up to {largest}: it waits")]
     CounterAhead {
         /// The counter.
@@ -117,13 +114,10 @@ pub enum Refusal {
         /// Largest counter that the clock allows.
         largest: u16,
     },
-    /// The packet has this vehicle's own number, but the vehicle did not send it. Another vehicle uses the number, or
-    /// this vehicle sent it before it lost its memory. The next own packet gets a counter that is a full window larger.
+    /// Another vehicle has this number, or this vehicle lost its memory. Its next counter is a full window larger.
     #[error("duplicate vehicle number: received a packet under this vehicle's own number, counter {0}")]
     OwnNumber(u16),
-    /// A report or piggybacked outcomes have this vehicle's own number, but the vehicle did not send them. Another
-    /// vehicle uses the number, or this vehicle sent them before it lost its memory. The report is stored as an own
-    /// report.
+    /// Another vehicle has this number, or this vehicle lost its memory. The report is stored as an own report.
     #[error("duplicate vehicle number: received a report or outcomes under this vehicle's own number")]
     OwnReport,
     /// The frame was recorded as transmitted by this vehicle, but it has another number.

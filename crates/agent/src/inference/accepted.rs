@@ -32,7 +32,6 @@ impl AcceptedData {
         self.filtered(|member| !members.contains(&member))
     }
 
-    /// Returns the data of one member.
     pub(crate) fn of_member(&self, member: u8) -> Self {
         self.filtered(|other| other == member)
     }
@@ -56,20 +55,15 @@ impl AcceptedData {
     }
 }
 
-/// Returns the packets with these keys.
 pub(crate) fn packets_with<'a>(memory: &Memory, keys: impl IntoIterator<Item = &'a PacketKey>) -> Vec<Arc<Packet>> {
     keys.into_iter().filter_map(|&key| memory.packets.get(key).cloned()).collect()
 }
 
 /// Returns the summaries in some packets, as messages under another prior.
-///
-/// # Errors
-/// As [`Summary::read_under`].
 pub(crate) fn summaries_under<'a>(packets: &'a [Arc<Packet>], prior: &Prior) -> dgpc::Result<Vec<Cow<'a, Summary>>> {
     summaries(packets).into_iter().map(|summary| summary.read_under(prior)).collect()
 }
 
-/// Returns the summaries in some packets.
 pub(crate) fn summaries(packets: &[Arc<Packet>]) -> Vec<&Summary> {
     packets.iter().flat_map(|packet| &packet.summaries).collect()
 }

@@ -181,7 +181,6 @@ impl Posteriors {
     }
 }
 
-/// Returns a posterior after it absorbed the data of a member.
 fn absorbed(mut posterior: Posterior, memory: &Memory, member_data: &AcceptedData) -> Result<Posterior, AgentError> {
     let packets = packets_with(memory, &*member_data.packets);
     let read = summaries_under(&packets, posterior.prior())?;

@@ -195,9 +195,6 @@ impl InputSpec {
     }
 
     /// Converts a prior over these columns to a prior over columns of equal names in `other`, which must have them all.
-    ///
-    /// # Errors
-    /// [`dgpc::Error`] for a term over columns that these inputs do not have.
     pub(crate) fn converted_prior(self, prior: &Prior, other: InputSpec) -> dgpc::Result<Prior> {
         let (names, other_names) = (self.column_names(), other.column_names());
         let column = |&column: &usize| other_names.iter().position(|name| names.get(column) == Some(name));

@@ -228,7 +228,6 @@ impl Learning {
         spread_out(events.len(), self.events_max).into_iter().map(|n| events[n]).collect()
     }
 
-    /// Returns the options of the search for the parameters of a structure.
     fn search_options(&self, structure: &Structure) -> LearnOptions<'static> {
         let mut hyper_prior = HyperPrior::default();
         if let MeanStructure::Conservative { .. } = structure.mean {

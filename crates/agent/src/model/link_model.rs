@@ -130,9 +130,6 @@ impl Model {
     /// Returns the events at `indices` as observations. Each weight takes all `events` into account.
     ///
     /// The events of each pair of vehicles must be in canonical order.
-    ///
-    /// # Errors
-    /// As [`Model::observations`].
     pub(crate) fn observations_among(&self, events: &[&Event], indices: &[usize]) -> dgpc::Result<Observations> {
         let inputs = self.inputs(indices.iter().map(|&index| events[index].query()))?;
         let outcomes = indices.iter().map(|&index| events[index].success).collect();
@@ -142,9 +139,6 @@ impl Model {
 
     /// Returns one event as an observation, with its weight given earlier events of its receiver. `earlier` starts with
     /// the latest.
-    ///
-    /// # Errors
-    /// As [`Model::observations`].
     pub(crate) fn observation_given_earlier<'a>(
         &self,
         event: &Event,

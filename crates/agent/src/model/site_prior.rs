@@ -18,9 +18,6 @@ pub struct SitePrior {
 impl SitePrior {
     /// Returns the site prior with M links and their inputs. The summary is given by its whitened precision (M×M) and
     /// shift (M) under `prior`.
-    ///
-    /// # Errors
-    /// [`dgpc::Error`] for a precision that is not valid.
     pub(crate) fn new(
         prior: &Prior,
         links: Vec<Link>,

@@ -14,9 +14,6 @@ const WALLS_FACTOR: f64 = 1.0 / 4.5;
 impl Structure {
     /// Returns the prior `template`, which has the structure `self`, with the parameters of the prior `known`, which
     /// has the structure `other`. Terms that `other` lacks keep the parameters of `template`.
-    ///
-    /// # Errors
-    /// As [`Structure::template`].
     pub(crate) fn transfer_parameters(
         &self,
         template: &Prior,

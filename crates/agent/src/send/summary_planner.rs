@@ -188,7 +188,6 @@ impl<'a> SummaryPlanner<'a> {
     }
 }
 
-/// Returns the inducing points of these summaries.
 fn inducing_points_of(summaries: &[Summary]) -> dgpc::Result<Inputs> {
     let dimension = summaries.first().map_or(1, |first| first.inducing_points().dimension());
     let mut points = Inputs::empty(dimension);

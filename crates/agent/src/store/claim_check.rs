@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 const CONTRADICTIONS_MAX: usize = 3;
 
 /// Claims that the vehicle's own receptions contradict: a member reported that it did not transmit in a slot, but the
-/// vehicle recorded a reception in it. The content depends on the set of claims and receptions, not on their order.
+/// vehicle recorded a reception in it.
 ///
 /// A host that fails to log its transmissions makes such claims by accident. Single contradictions are allowed for.
 /// Receptions that other members report do not count here, because a faulty receiver could discredit every other

@@ -78,9 +78,6 @@ impl Clock {
 
     /// Admits a frame of this sender if the clock allows its number. Otherwise the frame, as `entry` returns it, waits.
     /// O(members of a cycle).
-    ///
-    /// # Errors
-    /// [`Refusal::SlotAhead`] or [`Refusal::CounterAhead`].
     pub(crate) fn admit(
         &mut self,
         team: &Team,

@@ -98,7 +98,6 @@ pub enum FrameState {
     Departed,
 }
 
-/// Checks the number of an entry.
 pub(crate) fn check_number(number: u64) -> Result<(), AgentError> {
     if number < NUMBER_MAX { Ok(()) } else { Err(AgentError::NumberTooLarge(number)) }
 }

@@ -39,8 +39,7 @@ pub(crate) struct EventChange {
     pub(crate) forgotten: usize,
 }
 
-/// The stored events: those with the largest numbers. The content depends only on the set of inserted events, not on
-/// their order.
+/// The stored events: those with the largest numbers.
 ///
 /// Events are forgotten by number, because clocks may be set back. They are forgotten a sixteenth at a time, because
 /// each time needs a refit. Clones share their memory.
@@ -150,7 +149,6 @@ impl Events {
         self.next_number().saturating_sub(max).div_ceil(step) * step
     }
 
-    /// Returns the number of the next event.
     pub(crate) fn next_number(&self) -> u64 {
         self.numbers.last().map_or(0, |&last| last.saturating_add(1))
     }

@@ -25,8 +25,7 @@ use crate::store::slot_evidence::SlotEvidence;
 use crate::track::position_track::Track;
 use crate::types::event::{Event, Position, VehicleId};
 
-/// Events, positions, packets and reports. It depends on the set of entries, the clock, the latest counters
-/// and the muted members. The order of the entries does not matter.
+/// Events, positions, packets and reports. They depend on the entries, clock, latest counters and muted members.
 #[derive(Debug, Clone)]
 pub(crate) struct Memory {
     pub(crate) codec: TeamCodec,
@@ -131,9 +130,6 @@ impl Memory {
     }
 
     /// Records events with these numbers: all of them, or none after an error.
-    ///
-    /// # Errors
-    /// As [`Memory::apply`].
     pub(crate) fn record(&mut self, new: Vec<(u64, Event)>) -> Result<EventChange, AgentError> {
         for (number, event) in &new {
             check_number(*number)?;
@@ -400,9 +396,6 @@ impl Memory {
 
     /// Records positions of the vehicle by time: all of them, or none after an error. The latest
     /// [`Limits::events_max`](crate::Limits::events_max) positions are kept.
-    ///
-    /// # Errors
-    /// As [`Memory::apply`].
     pub(crate) fn record_positions(&mut self, new: &[(f64, Position)]) -> Result<(), AgentError> {
         for (time_s, position) in new {
             check_time(*time_s)?;

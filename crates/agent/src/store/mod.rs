@@ -1,4 +1,5 @@
-//! The memory of a vehicle: a set of entries, and the remote events that follow from it.
+//! The memory of a vehicle: a set of entries, and the remote events that follow from it. The content of every store
+//! depends on the set of its data, not on their order or number.
 
 pub(crate) mod entry;
 pub(crate) mod entry_bytes;

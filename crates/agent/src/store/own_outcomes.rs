@@ -45,8 +45,7 @@ pub(crate) enum OutcomeEffect {
     ForgotOldest,
 }
 
-/// Outcomes that the vehicle recorded without the positions of the ends. Those of the latest slots are stored. The
-/// content depends on the set of outcomes, not on their order or number.
+/// Outcomes that the vehicle recorded without the positions of the ends. Those of the latest slots are stored.
 #[derive(Debug, Clone)]
 pub(crate) struct OwnOutcomes {
     window_slots: u32,

@@ -63,8 +63,7 @@ struct Sender {
     versions: BTreeMap<u16, Vec<Version>>,
 }
 
-/// The stored packets by sender. Insertion is commutative, associative and idempotent: the content depends on the set
-/// of packets that arrived, not on their order or number.
+/// The stored packets by sender.
 ///
 /// The packets of a sender that lie in a window up to its latest counter count. [`Clock`](crate::store::clock::Clock)
 /// bounds the counters. A sender forms each packet against its own packets in the same window. The content of packets

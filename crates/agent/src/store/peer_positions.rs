@@ -44,7 +44,6 @@ impl PeerPositions {
         removed.is_none_or(|(removed_s, _)| removed_s != Seconds(time_s))
     }
 
-    /// Returns all positions of all members.
     pub(crate) fn iter(&self) -> impl Iterator<Item = (u8, f64, Position, bool)> {
         self.members.iter().flat_map(|(&member, fixes)| {
             fixes.iter().map(move |(time_s, &(position, is_independent))| (member, time_s.0, position, is_independent))

@@ -94,8 +94,7 @@ struct Sender {
     unused: BTreeSet<u32>,
 }
 
-/// Reports by sender. The store keeps the reports of each sender with the latest first slots. Its content depends on
-/// the set of arrivals, not on their order or number.
+/// Reports by sender. The store keeps the reports of each sender with the latest first slots.
 #[derive(Debug, Clone)]
 pub(crate) struct Reports {
     per_sender_max: usize,

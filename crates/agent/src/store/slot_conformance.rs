@@ -28,8 +28,7 @@ struct Reception {
     is_in_slot: bool,
 }
 
-/// The vehicle's own receptions and misses in comparison with the schedule. Its content depends on the set of outcomes
-/// alone.
+/// The vehicle's own receptions and misses in comparison with the schedule.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct SlotConformance {
     /// Receptions of each member, in the order of time.

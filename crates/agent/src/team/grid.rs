@@ -66,7 +66,6 @@ impl Cells {
         })
     }
 
-    /// Returns the centre of a cell.
     fn position(self, chart: &Chart, cell: Cell, has_depth: bool) -> Position {
         let centre = |index: u8| (f64::from(index) + 0.5 - f64::from(self.horizontal) / 2.0) * self.side_m;
         Position {

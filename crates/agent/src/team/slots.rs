@@ -179,7 +179,6 @@ impl Slots {
         self.begin_s(next?)
     }
 
-    /// Returns the number of slots of one cycle.
     pub(crate) fn cycle_slots(&self) -> usize {
         self.order.len().max(1)
     }

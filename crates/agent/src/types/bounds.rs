@@ -17,7 +17,6 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// Returns the interval from `min` to `max`.
     const fn new(min: f64, max: f64, words: &'static str) -> Self {
         Self { min, max, words }
     }

@@ -113,9 +113,6 @@ pub enum ModelFileError {
 }
 
 /// Returns `value` if it is within the bounds.
-///
-/// # Errors
-/// [`ModelFileError::OutOfRange`] with the key otherwise.
 pub(crate) fn check_bounds(key: &'static str, bounds: Bounds, value: f64) -> Result<f64, ModelFileError> {
     bounds.check(value).ok_or(ModelFileError::OutOfRange { key, expected: bounds, value })
 }

@@ -184,7 +184,6 @@ struct ChartLayout {
 }
 
 impl ChartLayout {
-    /// Returns the layout of a chart.
     fn write(chart: &Chart) -> Self {
         let (origin, epsg) = match chart.reference {
             ReferenceSystem::Unknown => (None, None),
@@ -202,9 +201,6 @@ impl ChartLayout {
     }
 
     /// Returns the chart.
-    ///
-    /// # Errors
-    /// [`ModelFileError`] for a number out of bounds, or for an incomplete or ambiguous reference system.
     fn read(&self) -> Result<Chart, ModelFileError> {
         let origin = Position::new(
             check_bounds("origin_east_m", bounds::COORDINATE_M, self.origin_east_m)?,
@@ -244,9 +240,6 @@ impl MeanLayout {
     }
 
     /// Returns the prior mean over these inputs.
-    ///
-    /// # Errors
-    /// [`ModelFileError::OutOfRange`] for a number out of bounds.
     fn read(&self, inputs: InputSpec) -> Result<PriorMean, ModelFileError> {
         match *self {
             Self::Zero {} => Ok(PriorMean::Zero),

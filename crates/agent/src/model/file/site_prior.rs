@@ -36,10 +36,6 @@ impl SitePriorLayout {
     }
 
     /// Returns the site prior under this model.
-    ///
-    /// # Errors
-    /// [`ModelFileError`] for lists of different sizes, for numbers out of bounds, and for a precision that is not
-    /// positive semi-definite.
     pub(crate) fn read(&self, model: &Model) -> Result<SitePrior, ModelFileError> {
         let points = self.links.len();
         let size = points as f64;
@@ -59,9 +55,6 @@ impl SitePriorLayout {
 }
 
 /// Returns the link with these coordinates.
-///
-/// # Errors
-/// [`ModelFileError`] for a wrong number of coordinates, and for a coordinate out of bounds.
 fn read_link(numbers: &[f64], model: &Model) -> Result<Link, ModelFileError> {
     let width = if model.inputs.has_depths() { 3 } else { 2 };
     if numbers.len() != 2 * width {

@@ -80,16 +80,12 @@ enum LengthScales {
     Each(Vec<f64>),
 }
 
-/// Returns true for 0.
 fn is_zero(reciprocity: &f64) -> bool {
     *reciprocity == 0.0
 }
 
 impl CorrelationLayout {
     /// Returns the length-scales, in the unit of the columns. `term` is the number of the term, from 1.
-    ///
-    /// # Errors
-    /// [`ModelFileError::LengthScaleUnit`] for a length-scale in another unit, or for a missing or needless one.
     fn length_scales(&self, term: usize, unit: Option<LengthUnit>) -> Result<&LengthScales, ModelFileError> {
         let (given, expected) = match unit {
             None => (Some(&LengthScales::Tied(1.0)), "no length-scale, since its columns are labels"),
@@ -140,9 +136,6 @@ impl CorrelationLayout {
     }
 
     /// Returns the correlation over columns of these inputs. `term` is the number of the term, from 1.
-    ///
-    /// # Errors
-    /// [`ModelFileError`] for an unknown column, and for length-scales or ties that are not valid.
     fn read(&self, term: usize, inputs: InputSpec) -> Result<Correlation, ModelFileError> {
         let names = inputs.column_names();
         let column = |name: &String| {
@@ -178,9 +171,6 @@ impl CorrelationLayout {
 }
 
 /// Checks that a variance or length-scale is within bounds.
-///
-/// # Errors
-/// [`ModelFileError::Term`] otherwise.
 fn check_kernel_number(term: usize, what: &'static str, value: f64) -> Result<(), ModelFileError> {
     let Bounds { words, .. } = bounds::KERNEL_NUMBER;
     match bounds::KERNEL_NUMBER.check(value) {
@@ -203,9 +193,6 @@ impl TermLayout {
     }
 
     /// Returns the kernel term over these inputs. `number` is the number of the term, from 1.
-    ///
-    /// # Errors
-    /// [`ModelFileError`] for an unknown column, a number out of bounds, and a reciprocal term that is not symmetric.
     pub(crate) fn read(self, number: usize, inputs: InputSpec) -> Result<Term, ModelFileError> {
         let Self { shape, variance, columns, length_scale_m, length_scale_s, length_scale, ties, reciprocity, times } =
             self;
