@@ -27,7 +27,7 @@ pub use agent::sending::ProposedFrame;
 pub use agent::state::{Agent, Which};
 pub use agent::status::{MemberStatus, Status};
 pub use codec::quantizer::SummaryQuantizer;
-pub use codec::receipt::{Counts, Receipt, Refusal};
+pub use codec::receipt::{Receipt, Refusal};
 pub use codec::team_codec::TeamCodec;
 pub use error::AgentError;
 pub use inference::fitting::FitQuality;

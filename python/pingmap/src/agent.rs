@@ -232,7 +232,7 @@ impl Agent {
             unlocated_events: status.unlocated_events,
             longest_link_m: status.longest_link_m,
             live_packets: status.live_packets,
-            accepted_frames: status.counts.accepted,
+            accepted_frames: status.counts.get("accepted").copied().unwrap_or_default(),
             is_dense: status.is_dense,
             has_converged: status.fit.map(|fit| fit.converged),
         })

@@ -50,7 +50,7 @@ impl Agent {
             Err(refusal) => Err(refusal.clone()),
         };
         let effect = effect.unwrap_or_else(Effect::refused);
-        self.counts.count(&effect.receipt);
+        *self.counts.entry(effect.receipt.class()).or_default() += 1;
         let receipt = self.note_effect(effect);
         let read = read.ok().filter(|_| receipt.is_stored());
         let entry = read.map(|(newest, outcomes)| Entry::Piggyback { sender: sender.clone(), newest, outcomes });

@@ -23,7 +23,7 @@ impl Agent {
     pub fn receive(&mut self, bytes: &[u8], time_s: Option<f64>) -> Reception {
         self.advance_clock(time_s);
         let effect = self.memory.insert_frame(bytes, None).unwrap_or_else(Effect::refused);
-        self.counts.count(&effect.receipt);
+        *self.counts.entry(effect.receipt.class()).or_default() += 1;
         if effect.receipt == Receipt::Accepted {
             effect.sender.into_iter().for_each(|sender| self.note_time(sender, time_s));
         }

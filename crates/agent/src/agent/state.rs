@@ -7,7 +7,7 @@ use dgpc::{Posterior, Sites};
 
 use crate::agent::ignore_reason::IgnoreReason;
 use crate::agent::options::AgentOptions;
-use crate::codec::receipt::{Counts, Receipt};
+use crate::codec::receipt::Receipt;
 use crate::codec::team_codec::TeamCodec;
 use crate::error::AgentError;
 use crate::inference::accepted::AcceptedData;
@@ -69,7 +69,8 @@ pub struct Agent {
     pub options: AgentOptions,
     pub(crate) memory: Memory,
     pub(crate) posteriors: Posteriors,
-    pub(crate) counts: Counts,
+    /// Number of received packets by [`Receipt::class`].
+    pub(crate) counts: BTreeMap<&'static str, u64>,
     pub(crate) last_heard_s: BTreeMap<u8, f64>,
     /// Times since when data of members are not used.
     pub(crate) ignored_since_s: BTreeMap<(u8, IgnoreReason), f64>,
@@ -103,7 +104,7 @@ impl Agent {
             memory: Memory::new(TeamCodec::new(team.clone()), team.number(&id)),
             id,
             options,
-            counts: Counts::default(),
+            counts: BTreeMap::new(),
             last_heard_s: BTreeMap::new(),
             ignored_since_s: BTreeMap::new(),
             accepted: OnceLock::new(),
@@ -292,7 +293,7 @@ impl Agent {
         let effect = self.memory.apply(entry)?;
         self.advance_clock(time_s);
         if is_received {
-            self.counts.count(&effect.receipt);
+            *self.counts.entry(effect.receipt.class()).or_default() += 1;
         }
         // A frame that was sent again is a duplicate, but a report may acknowledge its new slot.
         self.data_changed();

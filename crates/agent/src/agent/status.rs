@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 
 use crate::agent::ignore_reason::IgnoreReason;
 use crate::agent::state::Agent;
-use crate::codec::receipt::Counts;
 use crate::inference::fitting::FitQuality;
 use crate::types::event::VehicleId;
 
@@ -31,8 +30,8 @@ pub struct Status {
     pub longest_link_m: Option<f64>,
     /// Number of summary packets that count, own ones among them.
     pub live_packets: usize,
-    /// Received packets by result.
-    pub counts: Counts,
+    /// Number of received packets by [`Receipt::class`](crate::Receipt::class). Classes without packets are missing.
+    pub counts: BTreeMap<&'static str, u64>,
     /// Weight of the alternative model in predictions: see [`Agent::average_with`]; 0 without one.
     pub alternative_weight: f64,
     /// Quality of the last fit of own events; `None` before the first.
@@ -94,7 +93,7 @@ impl Agent {
             unlocated_events: memory.located().unlocated.len(),
             longest_link_m: self.longest_m(),
             live_packets: memory.own_packets().count() + self.accepted().packets.len(),
-            counts: self.counts,
+            counts: self.counts.clone(),
             alternative_weight: self.alternative_weight(),
             fit: self.posteriors.own_fit.as_ref().map(|own| FitQuality::of(&own.fit)),
             is_dense: memory.events.len() <= self.team().limits.dense_events_max,

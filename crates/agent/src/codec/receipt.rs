@@ -12,6 +12,23 @@ pub enum Receipt {
 }
 
 impl Receipt {
+    /// Returns the class of the receipt, by which [`Status::counts`](crate::Status::counts) counts it.
+    pub fn class(&self) -> &'static str {
+        let Self::Refused(refusal) = self else { return "accepted" };
+        match refusal {
+            Refusal::Malformed(_) | Refusal::NoSlot { .. } => "malformed",
+            Refusal::Forged(_) | Refusal::PiggybackDisabled => "forged",
+            Refusal::OtherForm(_) | Refusal::OtherTeam { .. } | Refusal::TooLong { .. } => "other-team",
+            Refusal::UnknownSender(_) | Refusal::NoMember(_) => "unknown-sender",
+            Refusal::Duplicate => "duplicate",
+            Refusal::TooOld => "too-old",
+            Refusal::Conflict(_) => "conflict",
+            Refusal::SlotAhead { .. } | Refusal::CounterAhead { .. } => "ahead",
+            Refusal::OwnNumber(_) | Refusal::OwnReport | Refusal::NotSentByMe(_) => "own-number",
+            Refusal::Unusable(_) => "unusable",
+        }
+    }
+
     /// Returns whether the content is stored: it counts, it may count later, or it shows a conflict.
     pub(crate) fn is_stored(&self) -> bool {
         let waits = matches!(self, Receipt::Refused(Refusal::SlotAhead { .. } | Refusal::CounterAhead { .. }));
@@ -134,74 +151,4 @@ fn difference_in_words(found: Option<u16>, expected: u16) -> String {
         || ", with this team's key".into(),
         |found| format!(", or damaged: its configuration has number {found}, expected {expected}"),
     )
-}
-
-/// Numbers of received packets, by receipt.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Counts {
-    /// Number of packets with [`Receipt::Accepted`].
-    pub accepted: u64,
-    /// Number of packets with [`Refusal::Malformed`] or [`Refusal::NoSlot`].
-    pub malformed: u64,
-    /// Number of packets with [`Refusal::Forged`] or [`Refusal::PiggybackDisabled`].
-    pub forged: u64,
-    /// Number of packets with [`Refusal::OtherTeam`], [`Refusal::OtherForm`] or [`Refusal::TooLong`].
-    pub other_team: u64,
-    /// Number of packets with [`Refusal::UnknownSender`] or [`Refusal::NoMember`].
-    pub unknown_sender: u64,
-    /// Number of packets with [`Refusal::Duplicate`].
-    pub duplicate: u64,
-    /// Number of packets with [`Refusal::TooOld`].
-    pub too_old: u64,
-    /// Number of packets with [`Refusal::Conflict`].
-    pub conflict: u64,
-    /// Number of packets with [`Refusal::SlotAhead`] or [`Refusal::CounterAhead`].
-    pub ahead: u64,
-    /// Number of packets with [`Refusal::OwnNumber`], [`Refusal::OwnReport`] or [`Refusal::NotSentByMe`].
-    pub own_number: u64,
-    /// Number of packets with [`Refusal::Unusable`].
-    pub unusable: u64,
-}
-
-impl Counts {
-    /// Returns each count with its name.
-    pub fn entries(&self) -> [(&'static str, u64); 11] {
-        [
-            ("accepted", self.accepted),
-            ("malformed", self.malformed),
-            ("forged", self.forged),
-            ("other-team", self.other_team),
-            ("unknown-sender", self.unknown_sender),
-            ("duplicate", self.duplicate),
-            ("too-old", self.too_old),
-            ("conflict", self.conflict),
-            ("ahead", self.ahead),
-            ("own-number", self.own_number),
-            ("unusable", self.unusable),
-        ]
-    }
-
-    /// Counts a receipt.
-    pub(crate) fn count(&mut self, receipt: &Receipt) {
-        let counter = match receipt {
-            Receipt::Accepted => &mut self.accepted,
-            Receipt::Refused(refusal) => self.counter_of(refusal),
-        };
-        *counter += 1;
-    }
-
-    fn counter_of(&mut self, refusal: &Refusal) -> &mut u64 {
-        match refusal {
-            Refusal::Malformed(_) | Refusal::NoSlot { .. } => &mut self.malformed,
-            Refusal::Forged(_) | Refusal::PiggybackDisabled => &mut self.forged,
-            Refusal::OtherForm(_) | Refusal::OtherTeam { .. } | Refusal::TooLong { .. } => &mut self.other_team,
-            Refusal::UnknownSender(_) | Refusal::NoMember(_) => &mut self.unknown_sender,
-            Refusal::Duplicate => &mut self.duplicate,
-            Refusal::TooOld => &mut self.too_old,
-            Refusal::Conflict(_) => &mut self.conflict,
-            Refusal::SlotAhead { .. } | Refusal::CounterAhead { .. } => &mut self.ahead,
-            Refusal::OwnNumber(_) | Refusal::OwnReport | Refusal::NotSentByMe(_) => &mut self.own_number,
-            Refusal::Unusable(_) => &mut self.unusable,
-        }
-    }
 }

@@ -43,7 +43,7 @@ fn counters_beyond_the_schedule_wait_and_do_not_end_the_sharing_of_their_sender(
     }
     assert_eq!(receive(largest), Receipt::Accepted);
     let status = agent.status();
-    assert_eq!((status.counts.ahead, status.members[&name(1)].waiting_frames, status.live_packets), (3, 3, 1));
+    assert_eq!((status.counts["ahead"], status.members[&name(1)].waiting_frames, status.live_packets), (3, 3, 1));
     // A day later the schedule allows every counter.
     agent.record_positions([(86_400.0, Position::new(0.0, 0.0))]).unwrap();
     assert_eq!(member(&agent, &name(1)).waiting_frames, 2);

@@ -105,7 +105,7 @@ impl Results {
         // Repeated frames change the counts alone.
         let mut status = agent.status();
         // Numbers of frames, and the times since when data do not count, are history.
-        status.counts = Counts::default();
+        status.counts.clear();
         status.members.values_mut().flat_map(|member| member.ignored.values_mut()).for_each(|since_s| *since_s = 0.0);
         Self { snapshot, status, mean: bits(&mean), variance: bits(&variance), frames: frames(&mut agent, 20) }
     }

@@ -234,10 +234,10 @@ fn two_vehicles_under_one_number_are_detected() {
     assert_eq!(listener.receive(&packets[0][0], None).receipt, Receipt::Refused(Refusal::Duplicate));
     let conflicts = |agent: &Agent| member(agent, &name(1)).conflicts;
     let status = listener.status();
-    assert_eq!((conflicts(&listener), status.counts.conflict, status.live_packets), (1, 1, 0));
+    assert_eq!((conflicts(&listener), status.counts["conflict"], status.live_packets), (1, 1, 0));
     // Each of the two vehicles detects the other, and continues with counters that the other has not used.
     assert_eq!(first.receive(&packets[1][1], None).receipt, Receipt::Refused(Refusal::Conflict(1)));
-    assert_eq!(first.status().counts.conflict, 1);
+    assert_eq!(count(&first, "conflict"), 1);
     first.record(walk(1, 40, 1.4)).unwrap();
     first.refit().unwrap();
     let bytes = first.next_frame(None, 32).unwrap().unwrap().bytes;

@@ -174,7 +174,7 @@ fn a_snapshot_with_an_unreadable_packet_keeps_its_events() {
     damaged[packet] ^= 1;
     let agent = restore(&id, &team, &with_check(damaged)).unwrap();
     let status = agent.status();
-    assert_eq!((agent.events().len(), status.live_packets, status.counts.other_team), (10, 1, 1));
+    assert_eq!((agent.events().len(), status.live_packets, status.counts["other-team"]), (10, 1, 1));
 }
 
 #[test]

@@ -1,7 +1,5 @@
 //! The state of the vehicle, for its host.
 
-use std::collections::BTreeMap;
-
 use crate::protocol::output::{MemberReport, Message, StatusReport, StoreState};
 use crate::vehicle::state::Vehicle;
 
@@ -17,7 +15,6 @@ impl Vehicle {
         };
         let problem = self.store_problem.as_ref().or(self.silence.as_ref());
         let store = problem.map_or(StoreState::Stored, |problem| StoreState::Failed { problem: problem.clone() });
-        let frames = status.counts.entries().into_iter().filter(|(_, count)| *count > 0);
         Message::Status(Box::new(StatusReport {
             input,
             time: self.ledger.clock_s().unwrap_or_default(),
@@ -31,7 +28,7 @@ impl Vehicle {
             late_receptions: self.late_receptions,
             late_reports: self.late_reports,
             open_frames: self.open_frames.len(),
-            frames: frames.map(|(name, count)| (name.to_string(), count)).collect::<BTreeMap<_, _>>(),
+            frames: status.counts.into_iter().map(|(class, count)| (class.to_owned(), count)).collect(),
             clock_offset_slots: status.own_clock_offset_slots,
             members: status.members.iter().map(|(id, status)| (id.clone(), member(status))).collect(),
         }))

@@ -23,6 +23,11 @@ pub fn cases(count: u32) -> ProptestConfig {
     ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(count * times) }
 }
 
+/// Returns the number of received packets of a class.
+pub fn count(agent: &Agent, class: &str) -> u64 {
+    agent.status().counts.get(class).copied().unwrap_or_default()
+}
+
 pub fn names(count: usize) -> Vec<VehicleId> {
     (0..count).map(name).collect()
 }
