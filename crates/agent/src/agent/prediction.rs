@@ -126,16 +126,15 @@ impl Agent {
     fn longest_link_m(&self) -> Option<f64> {
         let trusted = self.trusted();
         let packets = trusted.packets.iter().filter_map(|&key| self.memory.packets.get(key));
-        let ignored = self.ignored_members();
-        let is_used = |member: &u8| !ignored.contains(member);
-        let remote_m = self.memory.located().longest_m.iter().filter(|(member, _)| is_used(member)).map(|(_, &m)| m);
+        let remote_m = trusted.events.values().map(|event| event.link.range_m());
         packets.map(|packet| packet.longest_m).chain(remote_m).chain(self.own_longest_m()).reduce(f64::max)
     }
 
     fn own_longest_m(&self) -> Option<f64> {
         let site = self.team().model.site.iter();
         let before_m = site.flat_map(|site| site.links()).map(|link| link.range_m());
-        before_m.chain(self.memory.longest_m()).reduce(f64::max)
+        let own_m = self.memory.counting_events().map(|recorded| recorded.event.link.range_m());
+        before_m.chain(own_m).reduce(f64::max)
     }
 }
 

@@ -41,8 +41,6 @@ fn is_same(a: &Arc<Event>, b: &Arc<Event>) -> bool {
 pub(crate) struct LocatedEvents {
     /// Located events. Events that the vehicle recorded itself are not among them.
     pub(crate) events: Arc<RemoteEvents>,
-    /// Length of the longest link of each receiver, in metres.
-    pub(crate) longest_m: BTreeMap<u8, f64>,
     /// Events without a position of one end.
     pub(crate) unlocated: BTreeSet<EventKey>,
     /// Members whose reported tracks locate no events.
@@ -61,16 +59,11 @@ impl LocatedEvents {
         wrong_tracks: BTreeSet<u8>,
         horizon: Option<CacheHorizon>,
     ) -> Self {
-        let mut longest_m = BTreeMap::<u8, f64>::new();
-        for (key, event) in &events {
-            let longest_m = longest_m.entry(key.0).or_default();
-            *longest_m = longest_m.max(event.link.range_m());
-        }
         let is_same = |(now, before): (&Arc<Event>, &Arc<Event>)| Arc::ptr_eq(now, before);
         let is_unchanged =
             events.len() == before.events.len() && events.values().zip(before.events.values()).all(is_same);
         let events = if is_unchanged { before.events.clone() } else { Arc::new(events) };
-        Self { events, longest_m, unlocated, wrong_tracks, horizon }
+        Self { events, unlocated, wrong_tracks, horizon }
     }
 
     /// Returns the located and unlocated events outside these slots.

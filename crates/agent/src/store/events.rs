@@ -51,8 +51,6 @@ pub(crate) struct Events {
     numbers: Arc<BTreeSet<u64>>,
     /// Outcomes of the events that have a key, by key and number.
     outcomes: Arc<BTreeMap<(EventKey, u64), bool>>,
-    /// Length of the longest link, in metres.
-    longest_m: f64,
 }
 
 impl Events {
@@ -62,7 +60,6 @@ impl Events {
             in_order: Arc::default(),
             numbers: Arc::default(),
             outcomes: Arc::default(),
-            longest_m: 0.0,
         }
     }
 
@@ -91,11 +88,6 @@ impl Events {
         }
         self.merge(added);
         change.forgotten += self.forget_oldest();
-        let new_m = change.new.iter().map(|recorded| recorded.event.link.range_m());
-        self.longest_m = match change.forgotten {
-            0 => new_m.fold(self.longest_m, f64::max),
-            _ => self.iter().map(|event| event.link.range_m()).fold(0.0, f64::max),
-        };
         change
     }
 
@@ -151,11 +143,6 @@ impl Events {
 
     pub(crate) fn next_number(&self) -> u64 {
         self.numbers.last().map_or(0, |&last| last.saturating_add(1))
-    }
-
-    /// Returns the length of the longest link, in metres; 0 without events.
-    pub(crate) fn longest_m(&self) -> f64 {
-        self.longest_m
     }
 
     pub(crate) fn len(&self) -> usize {

@@ -300,15 +300,6 @@ impl Memory {
         self.events.since(time_s).iter().filter(|recorded| !self.excluded.contains(&recorded.number))
     }
 
-    /// Returns the length of the longest link of an own event that counts, in metres; `None` without such events. O(1)
-    /// if all own events count.
-    pub(crate) fn longest_m(&self) -> Option<f64> {
-        if self.excluded.is_empty() {
-            return (self.events.len() > 0).then(|| self.events.longest_m());
-        }
-        self.counting_events().map(|recorded| recorded.event.link.range_m()).reduce(f64::max)
-    }
-
     fn number(&self, id: &VehicleId) -> Result<u8, Refusal> {
         self.codec.team.number(id).ok_or_else(|| Refusal::NoMember(id.clone()))
     }
