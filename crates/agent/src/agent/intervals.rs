@@ -5,9 +5,8 @@ use std::sync::Arc;
 use dgpc::{Latent, Monitor, Posterior, Summary};
 
 use crate::agent::averaging::{ModelPredictions, mixture};
-use crate::agent::prediction::{CappedPrediction, Interval, Prediction};
+use crate::agent::prediction::{CappedPrediction, Interval, Prediction, predict};
 use crate::agent::state::Agent;
-use crate::agent::unknown_headings::HeadingAverage;
 use crate::error::AgentError;
 use crate::inference::accepted::{packets_with, summaries};
 use crate::inference::alternative::AlternativeModel;
@@ -106,9 +105,10 @@ impl Agent {
 
     fn widened(&self, posterior: &Posterior, capped: &[CappedPrediction]) -> Result<[Latent; 2], AgentError> {
         let widened = |queries: Vec<LinkQuery>| -> Result<Latent, AgentError> {
-            let mut latent = HeadingAverage::new(&self.team().model, posterior, &queries)?.latent;
-            latent.variance.iter_mut().for_each(|variance| *variance *= INTERVAL_WIDENING * INTERVAL_WIDENING);
-            Ok(latent)
+            let predicted = predict(&self.team().model, posterior, &queries)?.into_iter();
+            let widened = |prediction: Prediction| prediction.variance * (INTERVAL_WIDENING * INTERVAL_WIDENING);
+            let (mean, variance) = predicted.map(|prediction| (prediction.mean, widened(prediction))).unzip();
+            Ok(Latent { mean, variance })
         };
         let part = widened(capped.iter().map(|capped| capped.evaluated_at).collect())?;
         Ok([part, widened(capped.iter().map(|capped| capped.query).collect())?])

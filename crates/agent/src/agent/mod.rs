@@ -5,7 +5,6 @@ pub(crate) mod ignore_reason;
 pub(crate) mod state;
 #[cfg(feature = "learn")]
 pub(crate) mod adapt;
-pub(crate) mod unknown_headings;
 pub(crate) mod status;
 pub(crate) mod receive;
 pub(crate) mod outcomes;

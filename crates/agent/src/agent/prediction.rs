@@ -3,10 +3,18 @@
 use dgpc::{Matrix, Posterior};
 
 use crate::agent::state::{Agent, Which};
-use crate::agent::unknown_headings::HeadingAverage;
 use crate::error::AgentError;
+use crate::model::inputs::End;
 use crate::model::link_model::Model;
-use crate::types::query::LinkQuery;
+use crate::types::event::{Link, Position};
+use crate::types::query::{LinkQuery, UnknownHeading};
+
+/// Number of headings over which a prediction is averaged.
+const HEADINGS: usize = 8;
+
+/// Steps of the headings of transmitter and receiver, in units of a turn divided by [`HEADINGS`]. The steps differ and
+/// have no common factor with the number of headings. Every heading of either end therefore occurs once.
+const STEPS: [usize; 2] = [1, 3];
 
 /// Interval that contains nine in ten of the true probabilities, and the moments that it follows from.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -168,17 +176,51 @@ fn capped(
     Ok(capped)
 }
 
-/// Predicts each query without a cap.
-fn predict(model: &Model, posterior: &Posterior, queries: &[LinkQuery]) -> dgpc::Result<Vec<Prediction>> {
-    let HeadingAverage { latent, probability, explained } = HeadingAverage::new(model, posterior, queries)?;
-    let moments = latent.mean.into_iter().zip(latent.variance);
-    let shares = probability.into_iter().zip(explained);
-    let prediction = |((mean, variance), (probability, explained))| Prediction {
-        mean,
-        variance,
-        probability,
-        explained,
-        interval: None,
+/// Predicts each query without a cap. O(n²) for a query and heading.
+///
+/// If the model has aspect terms, an unknown heading is replaced by eight headings, evenly distributed over the circle,
+/// unless the query leaves it out. The prediction is then the mean over them. Its variance includes that of the mean.
+pub(crate) fn predict(model: &Model, posterior: &Posterior, queries: &[LinkQuery]) -> dgpc::Result<Vec<Prediction>> {
+    // The prior may be one that the vehicle learned itself.
+    let kernel = posterior.prior().kernel();
+    let has_aspect = [End::Transmitter, End::Receiver].map(|end| model.inputs.is_aspect_in(kernel, end));
+    let is_open = |query: &LinkQuery| {
+        let mut ends = query.link.ends().into_iter().zip(has_aspect);
+        query.unknown_heading == UnknownHeading::Averaged
+            && ends.any(|(end, has_aspect)| has_aspect && end.heading_deg.is_none())
     };
-    Ok(moments.zip(shares).map(prediction).collect())
+    let headings = if queries.iter().any(is_open) { HEADINGS } else { 1 };
+    let inputs = match headings {
+        1 => model.inputs(queries)?,
+        _ => model.inputs(queries.iter().flat_map(|query| (0..headings).map(|n| with_heading(query, n))))?,
+    };
+    let (latent, prior) = (posterior.latent(&inputs)?, kernel.diagonal(&inputs)?);
+    let probability = latent.probability();
+    let prediction = |n: usize| {
+        let group = headings * n..headings * (n + 1);
+        let average = |values: &[f64]| values[group.clone()].iter().sum::<f64>() / headings as f64;
+        let (mean, within) = (average(&latent.mean), average(&latent.variance));
+        let squares = latent.mean[group.clone()].iter().map(|value| (value - mean) * (value - mean));
+        Prediction {
+            mean,
+            variance: within + squares.sum::<f64>() / headings as f64,
+            probability: average(&probability),
+            explained: (1.0 - within / average(&prior)).clamp(0.0, 1.0),
+            interval: None,
+        }
+    };
+    Ok((0..queries.len()).map(prediction).collect())
+}
+
+/// Returns the query with heading `n` of [`HEADINGS`] at each end of unknown heading, unless it leaves them out.
+fn with_heading(query: &LinkQuery, n: usize) -> LinkQuery {
+    if query.unknown_heading == UnknownHeading::LeftOut {
+        return *query;
+    }
+    let end = |end: Position, step: usize| {
+        let heading_deg = (n * step % HEADINGS) as f64 * 360.0 / HEADINGS as f64;
+        Position { heading_deg: end.heading_deg.or(Some(heading_deg)), ..end }
+    };
+    let Link { transmitter, receiver } = query.link;
+    LinkQuery { link: Link { transmitter: end(transmitter, STEPS[0]), receiver: end(receiver, STEPS[1]) }, ..*query }
 }
