@@ -1,11 +1,11 @@
 //! The team file, `team.toml`. Unknown keys are refused, so that a misspelt key is not replaced by a default.
 
-use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
 use pingmap_packet::Key;
 use serde::{Deserialize, Serialize};
 
+use crate::model::file::model_file::parse_versioned;
 use crate::model::link_model::Model;
 use crate::team::config::{DEFAULT_TRACK_TOLERANCE_CELLS, TEAM_SCHEMA, Team, TeamError};
 use crate::team::grid::Grid;
@@ -45,26 +45,13 @@ pub struct TeamFile {
     limits: Limits,
 }
 
-/// Schema version of a team file. It is read first, so that a newer file is refused as newer and not for an unknown
-/// key.
-#[derive(Deserialize)]
-struct SchemaVersion {
-    schema: u32,
-}
-
 impl TeamFile {
     /// Parses the text of a team file. [`TeamFile::team`] checks the values.
     ///
     /// # Errors
     /// [`TeamError::Syntax`], [`TeamError::Newer`] or [`TeamError::Older`].
     pub fn parse(text: &str) -> Result<Self, TeamError> {
-        let syntax = |error: toml::de::Error| TeamError::Syntax(error.to_string().trim_end().to_owned());
-        let SchemaVersion { schema } = toml::from_str(text).map_err(syntax)?;
-        match schema.cmp(&TEAM_SCHEMA) {
-            Ordering::Greater => Err(TeamError::Newer(schema)),
-            Ordering::Less => Err(TeamError::Older(schema)),
-            Ordering::Equal => toml::from_str(text).map_err(syntax),
-        }
+        parse_versioned(text, TEAM_SCHEMA, TeamError::Syntax, TeamError::Newer, TeamError::Older)
     }
 
     /// Returns the text of the team file. `model_file` and `key_file` are the names of the other files, and

@@ -2,6 +2,7 @@
 //!
 //! Unknown keys are refused, so that a mistyped key does not silently yield a default.
 
+use std::cmp::Ordering;
 use std::sync::Arc;
 
 use dgpc::{Kernel, Prior, PriorMean, Term};
@@ -71,14 +72,9 @@ impl ModelFile {
     /// # Errors
     /// [`ModelFileError`] with the value that was found and the values that are valid.
     pub fn parse(text: &str) -> Result<Self, ModelFileError> {
-        let version: SchemaVersion = read(text)?;
-        if version.schema > MODEL_SCHEMA {
-            return Err(ModelFileError::Newer(version.schema));
-        }
-        if version.schema < MODEL_SCHEMA {
-            return Err(ModelFileError::Older(version.schema));
-        }
-        let ModelLayout { schema, depths, chart, prior_mean, fading, kernel, learned, site_prior: site } = read(text)?;
+        use ModelFileError::{Newer, Older, Syntax};
+        let ModelLayout { schema, depths, chart, prior_mean, fading, kernel, learned, site_prior: site } =
+            parse_versioned(text, MODEL_SCHEMA, Syntax, Newer, Older)?;
         let inputs = if depths { InputSpec::PositionsAndDepths } else { InputSpec::Positions };
         let terms =
             kernel.into_iter().enumerate().map(|(n, term)| term.read(n + 1, inputs)).collect::<Result<_, _>>()?;
@@ -145,16 +141,26 @@ const HEAD: &str = "\
 
 ";
 
-/// Parses a TOML text.
-fn read<'a, T: Deserialize<'a>>(text: &'a str) -> Result<T, ModelFileError> {
-    toml::from_str(text).map_err(|error| ModelFileError::Syntax(error.to_string().trim_end().to_owned()))
-}
-
-/// The schema version of a text. It is read first, so that a file of another version yields
-/// [`ModelFileError::Newer`] or [`ModelFileError::Older`] and not an unknown key.
-#[derive(Deserialize)]
-struct SchemaVersion {
+/// Parses a TOML text of this schema. The schema is read first, so that a text of another version yields the error
+/// `newer` or `older` and not an unknown key.
+pub(crate) fn parse_versioned<'a, T: Deserialize<'a>, E>(
+    text: &'a str,
     schema: u32,
+    syntax: fn(String) -> E,
+    newer: fn(u32) -> E,
+    older: fn(u32) -> E,
+) -> Result<T, E> {
+    #[derive(Deserialize)]
+    struct SchemaVersion {
+        schema: u32,
+    }
+    let syntax = |error: toml::de::Error| syntax(error.to_string().trim_end().to_owned());
+    let version: SchemaVersion = toml::from_str(text).map_err(syntax)?;
+    match version.schema.cmp(&schema) {
+        Ordering::Greater => Err(newer(version.schema)),
+        Ordering::Less => Err(older(version.schema)),
+        Ordering::Equal => toml::from_str(text).map_err(syntax),
+    }
 }
 
 #[derive(Serialize, Deserialize)]
