@@ -55,4 +55,11 @@ fn a_model_file_keeps_products_and_shapes_with_parameters() {
     assert!(refused.contains("rational-cubic") && refused.contains("matern32"), "{refused}");
     let refused = ModelFile::parse(&text.replace("150.0", "1e300")).unwrap_err().to_string();
     assert!(refused.contains("kernel term 1: length-scale"), "{refused}");
+    let refused = ModelFile::parse(&text.replace("variance = 2.0", "")).unwrap_err().to_string();
+    assert_eq!(refused, "kernel term 1: missing field `variance`");
+    for key in ["variance = 2.0", "reciprocity = 0.5"] {
+        let text = text.replace("[[kernel.times]]", &format!("[[kernel.times]]\n{key}"));
+        let refused = ModelFile::parse(&text).unwrap_err().to_string();
+        assert!(refused.contains("kernel term 1: a table `times` cannot have"), "{refused}");
+    }
 }

@@ -7,40 +7,15 @@ use crate::model::file::error::ModelFileError;
 use crate::model::inputs::{InputSpec, LengthUnit};
 use crate::types::bounds::{self, Bounds};
 
-/// The layout of a kernel term in a model file. Its first correlation is inlined.
+/// The layout of a kernel term in a model file, or of a further correlation of a term.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct TermLayout {
     #[serde(with = "shape_name")]
     shape: Shape,
-    variance: f64,
-    columns: Vec<String>,
-    /// Length-scales of position columns, in metres.
+    /// Variance of a term. A further correlation has none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    length_scale_m: Option<LengthScales>,
-    /// Length-scales of the time column, in seconds. Label columns have no length-scale.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    length_scale_s: Option<LengthScales>,
-    /// Length-scales of aspect columns, as chords of the unit circle.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    length_scale: Option<LengthScales>,
-    /// Ties of length-scales, see [`CorrelationLayout`].
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    ties: Vec<usize>,
-    /// Correlation of both directions of a path.
-    #[serde(default, skip_serializing_if = "is_zero")]
-    reciprocity: f64,
-    /// Further correlations. The term is the product of all of them.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    times: Vec<CorrelationLayout>,
-}
-
-/// The layout of a correlation in a model file.
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct CorrelationLayout {
-    #[serde(with = "shape_name")]
-    shape: Shape,
+    variance: Option<f64>,
     columns: Vec<String>,
     /// Length-scales of position columns, in metres.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -55,6 +30,12 @@ struct CorrelationLayout {
     /// columns or none share it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     ties: Vec<usize>,
+    /// Correlation of both directions of a path.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    reciprocity: f64,
+    /// Further correlations. The term is the product of all of them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    times: Vec<TermLayout>,
 }
 
 /// Serialization of a shape as its name.
@@ -84,7 +65,7 @@ fn is_zero(reciprocity: &f64) -> bool {
     *reciprocity == 0.0
 }
 
-impl CorrelationLayout {
+impl TermLayout {
     /// Returns the length-scales, in the unit of the columns. `term` is the number of the term, from 1.
     fn length_scales(&self, term: usize, unit: Option<LengthUnit>) -> Result<&LengthScales, ModelFileError> {
         let (given, expected) = match unit {
@@ -102,15 +83,8 @@ impl CorrelationLayout {
         given.filter(|_| is_alone).ok_or(ModelFileError::LengthScaleUnit { term, expected })
     }
 
-    /// Returns a correlation without columns, which [`CorrelationLayout::read`] refuses.
-    fn empty() -> Self {
-        let [length_scale_m, length_scale_s, length_scale] = [None, None, None];
-        let (columns, ties) = (Vec::new(), Vec::new());
-        Self { shape: Shape::Matern32, columns, length_scale_m, length_scale_s, length_scale, ties }
-    }
-
     /// Returns the layout of a correlation over columns of these inputs.
-    fn write(correlation: &Correlation, inputs: InputSpec) -> Self {
+    fn write_correlation(correlation: &Correlation, inputs: InputSpec) -> Self {
         let names = inputs.column_names();
         let ties = correlation.ties();
         let (all_are_tied, none_is) = (ties.iter().all(|&tie| tie == 0), ties.iter().copied().eq(0..ties.len()));
@@ -122,8 +96,10 @@ impl CorrelationLayout {
         let name = |&column: &usize| names.get(column).cloned().unwrap_or_else(|| format!("column {column}"));
         let columns: Vec<String> = correlation.columns().iter().map(name).collect();
         let ties = if all_are_tied || none_is { Vec::new() } else { ties.to_vec() };
-        let shape = correlation.shape();
-        let mut layout = Self { shape, columns, ties, ..Self::empty() };
+        let (shape, [length_scale_m, length_scale_s, length_scale]) = (correlation.shape(), [None, None, None]);
+        let (variance, reciprocity, times) = (None, 0.0, Vec::new());
+        let mut layout =
+            Self { shape, variance, columns, length_scale_m, length_scale_s, length_scale, ties, reciprocity, times };
         if !shape.is_of_labels() {
             let place = match inputs.length_unit(correlation.columns()) {
                 LengthUnit::Metres => &mut layout.length_scale_m,
@@ -136,7 +112,7 @@ impl CorrelationLayout {
     }
 
     /// Returns the correlation over columns of these inputs. `term` is the number of the term, from 1.
-    fn read(&self, term: usize, inputs: InputSpec) -> Result<Correlation, ModelFileError> {
+    fn read_correlation(&self, term: usize, inputs: InputSpec) -> Result<Correlation, ModelFileError> {
         let names = inputs.column_names();
         let column = |name: &String| {
             names.iter().position(|known| known == name).ok_or_else(|| ModelFileError::UnknownColumn {
@@ -168,6 +144,45 @@ impl CorrelationLayout {
         };
         correlation.and_then(tied).map_err(|source| ModelFileError::Term { term, source })
     }
+
+    /// Returns the layout of a kernel term over these inputs.
+    pub(crate) fn write(term: &Term, inputs: InputSpec) -> Self {
+        // A term has at least one correlation.
+        let (first, others) = (&term.correlations()[0], &term.correlations()[1..]);
+        Self {
+            variance: Some(term.variance()),
+            reciprocity: term.reciprocity(),
+            times: others.iter().map(|other| Self::write_correlation(other, inputs)).collect(),
+            ..Self::write_correlation(first, inputs)
+        }
+    }
+
+    /// Returns the kernel term over these inputs. `number` is the number of the term, from 1.
+    pub(crate) fn read(self, number: usize, inputs: InputSpec) -> Result<Term, ModelFileError> {
+        let syntax = |problem: &str| ModelFileError::Syntax(format!("kernel term {number}: {problem}"));
+        let variance = self.variance.ok_or_else(|| syntax("missing field `variance`"))?;
+        check_kernel_number(number, "kernel variance", variance)?;
+        let failed = |source| ModelFileError::Term { term: number, source };
+        let mut term = Term::of(variance, self.read_correlation(number, inputs)?).map_err(failed)?;
+        for factor in &self.times {
+            if factor.variance.is_some() || factor.reciprocity != 0.0 || !factor.times.is_empty() {
+                return Err(syntax("a table `times` cannot have `variance`, `reciprocity` or `times`"));
+            }
+            term = term.times(factor.read_correlation(number, inputs)?).map_err(failed)?;
+        }
+        if self.reciprocity == 0.0 {
+            return Ok(term);
+        }
+        let names = inputs.column_names();
+        let reciprocal = |swap| term.partly_reciprocal(swap, self.reciprocity);
+        inputs.swap_ends().and_then(reciprocal).map_err(|error| match error {
+            dgpc::Error::NotReciprocal { column, partner, length_scale, partner_length_scale } => {
+                let (column, partner) = (names[column].clone(), names[partner].clone());
+                ModelFileError::NotReciprocal { term: number, column, partner, length_scale, partner_length_scale }
+            }
+            other => failed(other),
+        })
+    }
 }
 
 /// Checks that a variance or length-scale is within bounds.
@@ -176,44 +191,5 @@ fn check_kernel_number(term: usize, what: &'static str, value: f64) -> Result<()
     match bounds::KERNEL_NUMBER.check(value) {
         Some(_) => Ok(()),
         None => Err(ModelFileError::Term { term, source: dgpc::Error::OutOfRange { what, expected: words, value } }),
-    }
-}
-
-impl TermLayout {
-    /// Returns the layout of a kernel term over these inputs.
-    pub(crate) fn write(term: &Term, inputs: InputSpec) -> Self {
-        let mut layouts = term.correlations().iter().map(|correlation| CorrelationLayout::write(correlation, inputs));
-        // A term has at least one correlation.
-        let first = layouts.next();
-        let times = layouts.collect();
-        let CorrelationLayout { shape, columns, length_scale_m, length_scale_s, length_scale, ties } =
-            first.unwrap_or_else(CorrelationLayout::empty);
-        let (variance, reciprocity) = (term.variance(), term.reciprocity());
-        Self { shape, variance, columns, length_scale_m, length_scale_s, length_scale, ties, reciprocity, times }
-    }
-
-    /// Returns the kernel term over these inputs. `number` is the number of the term, from 1.
-    pub(crate) fn read(self, number: usize, inputs: InputSpec) -> Result<Term, ModelFileError> {
-        let Self { shape, variance, columns, length_scale_m, length_scale_s, length_scale, ties, reciprocity, times } =
-            self;
-        check_kernel_number(number, "kernel variance", variance)?;
-        let failed = |source| ModelFileError::Term { term: number, source };
-        let first = CorrelationLayout { shape, columns, length_scale_m, length_scale_s, length_scale, ties }
-            .read(number, inputs)?;
-        let mut term = Term::of(variance, first).map_err(failed)?;
-        for layout in times {
-            term = term.times(layout.read(number, inputs)?).map_err(failed)?;
-        }
-        if reciprocity == 0.0 {
-            return Ok(term);
-        }
-        let names = inputs.column_names();
-        inputs.swap_ends().and_then(|swap| term.partly_reciprocal(swap, reciprocity)).map_err(|error| match error {
-            dgpc::Error::NotReciprocal { column, partner, length_scale, partner_length_scale } => {
-                let (column, partner) = (names[column].clone(), names[partner].clone());
-                ModelFileError::NotReciprocal { term: number, column, partner, length_scale, partner_length_scale }
-            }
-            other => failed(other),
-        })
     }
 }
