@@ -109,7 +109,8 @@ mod tests {
         assert_eq!(names(&slots), ["a", "b", "a", ""]);
         assert!((slots.duration_s - 12.0).abs() < 0.01 && (99.8..=100.0).contains(&slots.start_s), "{slots:?}");
         for (n, &(time_s, sender)) in sent.iter().enumerate().filter(|(_, (_, sender))| *sender != "tag") {
-            assert_eq!(slots.owner(time_s).map(VehicleId::as_str), Some(sender), "{n}");
+            let slot = slots.number(time_s).unwrap();
+            assert_eq!(slots.sender(slot).map(VehicleId::as_str), Some(sender), "{n}");
         }
     }
 

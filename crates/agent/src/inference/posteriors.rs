@@ -298,7 +298,7 @@ impl Posteriors {
     ) -> Result<Posterior, AgentError> {
         let mut posterior = shared.clone();
         if let Some(own_fit) = &self.own_fit {
-            let numbers = memory.numbers_in(slots);
+            let numbers = memory.numbers_of(&|slot| slots.contains(&slot));
             let indices = own_fit.own_indices(|number| numbers.contains(&number));
             posterior.absorb_events(&own_fit.fit.sites().select(&indices))?;
         }

@@ -25,8 +25,7 @@ const ADDITION_TOLERANCE: f64 = 1e-6;
 pub struct Learning {
     /// Structure with which learning starts.
     pub structure: Structure,
-    /// Optional terms to add to the structure, in order of trial. [`LearnedModel::improves_on`] decides about
-    /// each.
+    /// Optional terms to add to the structure, in order of trial. [`Learning::try_term`] decides about each.
     pub additions: Vec<OptionalTerm>,
     /// Fixed value of all horizontal length-scales, in metres. `None` if length-scales are learned. With a fixed value,
     /// those of depths, aspects and times keep the values of the template.

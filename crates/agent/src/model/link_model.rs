@@ -54,10 +54,8 @@ impl Model {
         let links: Vec<Link> = links.iter().map(|link| self.typical_link(link)).collect();
         let chosen = Candidates::new(self.prior.kernel(), &self.inputs(&links)?)?.greedy(points_max).indices;
         let links: Vec<Link> = chosen.into_iter().map(|n| links[n]).collect();
-        let inputs = self.inputs(&links)?;
-        let summary = learned.summarise(&inputs)?;
-        let (precision, shift) = (summary.whitened_precision().clone(), summary.whitened_shift().to_vec());
-        let site = SitePrior::new(&self.prior, links, &inputs, precision, shift)?;
+        let summary = learned.summarise(&self.inputs(&links)?)?;
+        let site = SitePrior::new(links, summary)?;
         Ok(Self { schema: MODEL_SCHEMA, site: Some(Arc::new(site)), ..self.clone() })
     }
 
@@ -70,10 +68,10 @@ impl Model {
         let prior = self.inputs.converted_prior(&self.prior, inputs)?;
         let mut model = Self { inputs, prior, site: None, ..self.clone() };
         if let Some(site) = &self.site {
-            let (links, summary) = (site.links().to_vec(), site.summary());
-            let rows = model.inputs(&links)?;
-            let (precision, shift) = (summary.whitened_precision().clone(), summary.whitened_shift().to_vec());
-            model.site = Some(Arc::new(SitePrior::new(&model.prior, links, &rows, precision, shift)?));
+            let inputs = model.inputs(site.links())?;
+            let (precision, shift) = (site.summary().whitened_precision().clone(), site.summary().whitened_shift());
+            let summary = Summary::from_whitened(&model.prior, &inputs, precision, shift.to_vec())?;
+            model.site = Some(Arc::new(SitePrior::new(site.links().to_vec(), summary)?));
         }
         Ok(model)
     }

@@ -58,7 +58,7 @@ impl Comparison {
         Self { count, gain, error, evidence: after.corrected_evidence() - before.corrected_evidence() }
     }
 
-    /// Returns whether a term is accepted after a search on all events: see [`LearnedModel::improves_on`].
+    /// Returns whether a term is accepted after a search on all events: see [`Learning::try_term`].
     fn accepts(&self, term: OptionalTerm) -> bool {
         self.passes(term, GAIN_MIN_NATS.max(self.error), 0.0, TIME_EVIDENCE_MIN_NATS)
     }
@@ -86,22 +86,6 @@ impl Comparison {
         }
         let is_supported = self.evidence / self.count + margin > EVIDENCE_FACTOR * threshold;
         self.gain + margin > threshold && (term.is_common() || is_supported)
-    }
-}
-
-impl LearnedModel {
-    /// Returns true if this model predicts better than `before` by enough to keep `addition`, the term that only this
-    /// model has.
-    ///
-    /// Both models must be fits of the same events. The mean gain of leave-one-out predictions must exceed a threshold.
-    /// The threshold is 0.001 nats per event, or one standard error of the paired gains if that is larger. For an
-    /// uncommon term the gain in corrected evidence per event must also exceed twice the threshold.
-    ///
-    /// The time term has another rule: the corrected evidence must rise by more than 1 nat in total, which is positive
-    /// evidence on the scale of Kass and Raftery (1995). Leave-one-out predictions rarely show a change with time,
-    /// because events at nearly the same time and place remain.
-    pub fn improves_on(&self, addition: OptionalTerm, before: &LearnedModel) -> bool {
-        Comparison::of(self, before).accepts(addition)
     }
 }
 
@@ -157,8 +141,15 @@ impl Learning {
         Ok(Attempt::on_all(model, true, screened))
     }
 
-    /// Learns the structure of an accepted attempt with one more term, and decides about the term
-    /// ([`LearnedModel::improves_on`]).
+    /// Learns the structure of an accepted attempt with one more term, and decides about the term.
+    ///
+    /// The mean gain of leave-one-out predictions must exceed a threshold: 0.001 nats per event, or one standard error
+    /// of the paired gains if that is larger. For an uncommon term the gain in corrected evidence per event must also
+    /// exceed twice the threshold.
+    ///
+    /// The time term has another rule: the corrected evidence must rise by more than 1 nat in total, which is positive
+    /// evidence on the scale of Kass and Raftery (1995). Leave-one-out predictions rarely show a change with time,
+    /// because events at nearly the same time and place remain.
     ///
     /// An uncommon term is learned from half of the events first, and from at most 500. If the gains would not suffice
     /// there even if they were one standard error higher, the term is rejected at the cost of this short search.
@@ -189,7 +180,7 @@ impl Learning {
             screened = Some(after);
         }
         let model = fit(self, &before.model)?;
-        let is_accepted = model.improves_on(term, &before.model);
+        let is_accepted = Comparison::of(&model, &before.model).accepts(term);
         if is_accepted && screened.is_none() {
             screened = self.screened(&model, events, messages)?;
         }

@@ -1,6 +1,6 @@
 //! The site prior: knowledge from earlier missions.
 
-use dgpc::{Inputs, Matrix, Posterior, Prior, Summary};
+use dgpc::{Posterior, Summary};
 
 use crate::types::event::Link;
 
@@ -16,17 +16,9 @@ pub struct SitePrior {
 }
 
 impl SitePrior {
-    /// Returns the site prior with M links and their inputs. The summary is given by its whitened precision (M×M) and
-    /// shift (M) under `prior`.
-    pub(crate) fn new(
-        prior: &Prior,
-        links: Vec<Link>,
-        inputs: &Inputs,
-        precision: Matrix,
-        shift: Vec<f64>,
-    ) -> dgpc::Result<Self> {
-        let summary = Summary::from_whitened(prior, inputs, precision, shift)?;
-        let posterior = Posterior::of_summaries(prior, &[&summary])?;
+    /// Returns the site prior at M links, given the summary of their M inputs.
+    pub(crate) fn new(links: Vec<Link>, summary: Summary) -> dgpc::Result<Self> {
+        let posterior = Posterior::of_summaries(summary.prior(), &[&summary])?;
         Ok(Self { links, summary, posterior })
     }
 

@@ -10,7 +10,7 @@ use crate::codec::team_codec::TeamCodec;
 use crate::store::events::Events;
 use crate::store::peer_positions::{PeerPositions, PeerTracks};
 use crate::store::position_check::{members_with_wrong_tracks, reported_position};
-use crate::store::reports::{EVERY_SLOT, ReportedOutcome, Reports};
+use crate::store::reports::{EVERY_SLOT, ReportedOutcome};
 use crate::store::slot_evidence::SlotEvidence;
 use crate::track::position_track::Track;
 use crate::types::event::{Event, Link, Position};
@@ -150,10 +150,7 @@ enum OutcomeSource {
 
 /// Sources of the positions of all members.
 struct PositionSources<'a> {
-    codec: &'a TeamCodec,
-    reports: &'a Reports,
-    own: Option<u8>,
-    muted: &'a BTreeSet<u8>,
+    evidence: SlotEvidence<'a>,
     /// Members whose reported tracks are wrong.
     wrong_tracks: &'a BTreeSet<u8>,
     /// The vehicle's own track.
@@ -188,7 +185,7 @@ pub(crate) fn locate_events(
     let changed: &[Range<u32>] = if is_same { &previous.changed } else { &[EVERY_SLOT] };
     let (mut located, mut unlocated) = previous.located.outside(changed);
     let observed = if uses_observed { observed_positions(codec, events, &peers) } else { BTreeMap::new() };
-    let sources = PositionSources { codec, reports, own, muted, wrong_tracks: &wrong_tracks, track, observed, peers };
+    let sources = PositionSources { evidence, wrong_tracks: &wrong_tracks, track, observed, peers };
     let reported = evidence.others().flat_map(|receiver| {
         let reported = changed.iter().flat_map(move |slots| reports.outcomes(receiver, slots.clone()));
         reported.map(move |(slot, outcome, is_piggybacked)| {
@@ -262,11 +259,11 @@ impl PositionSources<'_> {
         success: bool,
         source: OutcomeSource,
     ) -> Option<Event> {
-        let team = &self.codec.team;
+        let team = &self.evidence.codec.team;
         let time_s = team.slots.begin_s(slot)?;
         let at = |member: u8| {
             let position = match (source, self.wrong_tracks.contains(&member)) {
-                _ if Some(member) == self.own => self.track.at(time_s)?,
+                _ if Some(member) == self.evidence.own => self.track.at(time_s)?,
                 (OutcomeSource::Own, _) => {
                     self.known_at(member, slot, time_s).or_else(|| self.reported_within(member, slot))?
                 }
@@ -288,27 +285,27 @@ impl PositionSources<'_> {
     }
 
     fn reported_at(&self, member: u8, slot: u32) -> Option<Position> {
-        let is_used = !self.muted.contains(&member) && !self.wrong_tracks.contains(&member);
-        is_used.then(|| reported_position(self.codec, self.reports, member, slot)).flatten()
+        let SlotEvidence { codec, reports, muted, .. } = self.evidence;
+        let is_used = !muted.contains(&member) && !self.wrong_tracks.contains(&member);
+        is_used.then(|| reported_position(codec, reports, member, slot)).flatten()
     }
 
     /// Returns the reported position if the track continues after the slot. A position beyond the track would be known
     /// more often in slots that the vehicle heard, because their messages extend the track.
     fn reported_within(&self, member: u8, slot: u32) -> Option<Position> {
-        let continues = self.reports.reports_of(member)?.track.continues_after(slot);
+        let continues = self.evidence.reports.reports_of(member)?.track.continues_after(slot);
         continues.then(|| self.reported_at(member, slot)).flatten()
     }
 
     /// Returns the position that the host knows, by a rule that does not depend on whether the vehicle heard the slot.
     fn known_at(&self, member: u8, slot: u32, time_s: f64) -> Option<Position> {
-        let Self { codec, peers, .. } = self;
-        let end_s = codec.team.slots.next_begin_s(slot)?;
-        peers.get(&member)?.at(time_s, end_s, 2.0 * codec.team.extrapolation_s_max)
+        let team = &self.evidence.codec.team;
+        self.peers.get(&member)?.at(time_s, team.slots.next_begin_s(slot)?, 2.0 * team.extrapolation_s_max)
     }
 
     /// Returns the position between two observed positions, if these are close in time. The path between them need not
     /// be straight.
     fn observed_at(&self, member: u8, time_s: f64) -> Option<Position> {
-        self.observed.get(&member)?.at_within(time_s, 2.0 * self.codec.team.extrapolation_s_max)
+        self.observed.get(&member)?.at_within(time_s, 2.0 * self.evidence.codec.team.extrapolation_s_max)
     }
 }

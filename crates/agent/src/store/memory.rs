@@ -292,12 +292,7 @@ impl Memory {
 
     /// Returns the own events that count, in canonical order.
     pub(crate) fn counting_events(&self) -> impl Iterator<Item = &RecordedEvent> {
-        self.counting_since(f64::NEG_INFINITY)
-    }
-
-    /// Returns the own events that count, from a time on.
-    pub(crate) fn counting_since(&self, time_s: f64) -> impl Iterator<Item = &RecordedEvent> {
-        self.events.since(time_s).iter().filter(|recorded| !self.excluded.contains(&recorded.number))
+        self.events.recorded().iter().filter(|recorded| !self.excluded.contains(&recorded.number))
     }
 
     fn number(&self, id: &VehicleId) -> Result<u8, Refusal> {
@@ -419,18 +414,8 @@ impl Memory {
     /// Returns the numbers of the own events that count in wanted slots. O(own events).
     pub(crate) fn numbers_of(&self, is_wanted: &dyn Fn(u32) -> bool) -> BTreeSet<u64> {
         let slots = self.own.into_iter().flat_map(|own| self.events.slots_of(own));
-        self.counting(slots.filter(|&(slot, _)| is_wanted(slot)).map(|(_, number)| number)).collect()
-    }
-
-    /// Returns the numbers of the own events that count in these slots. O(log N) for each slot.
-    pub(crate) fn numbers_in(&self, slots: &BTreeSet<u32>) -> BTreeSet<u64> {
-        let keys = self.own.into_iter().flat_map(|own| slots.iter().map(move |&slot| (own, slot)));
-        self.counting(keys.flat_map(|key| self.events.in_slot(key)).map(|(number, _)| number)).collect()
-    }
-
-    /// Returns those of these numbers whose events count.
-    fn counting(&self, numbers: impl Iterator<Item = u64>) -> impl Iterator<Item = u64> {
-        numbers.filter(|number| !self.excluded.contains(number))
+        let wanted = slots.filter(|&(slot, _)| is_wanted(slot)).map(|(_, number)| number);
+        wanted.filter(|number| !self.excluded.contains(number)).collect()
     }
 
     /// Returns the events of other members, located as far as possible.

@@ -7,7 +7,7 @@ use pingmap_packet::Cell;
 use crate::codec::team_codec::TeamCodec;
 use crate::store::events::Events;
 use crate::store::reports::Reports;
-use crate::types::event::{Event, Link, Position};
+use crate::types::event::{Event, Position};
 
 /// Minimum number of receptions that contradict a track.
 const CONTRADICTIONS_MIN: usize = 3;
@@ -47,7 +47,7 @@ fn distance_from_track_m(codec: &TeamCodec, reports: &Reports, member: u8, slot:
         return None;
     }
     let at = reported_position(codec, reports, member, slot)?;
-    Some(Link { receiver: at, ..event.link }.range_m())
+    Some(event.link.transmitter.distance_m(&at))
 }
 
 /// Returns the position of a member at the beginning of a slot, according to its reports. O(log waypoints).

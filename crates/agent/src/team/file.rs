@@ -65,7 +65,7 @@ impl TeamFile {
         key_file: Option<&str>,
         log_digest: Option<&str>,
     ) -> Result<String, TeamError> {
-        let file = Self {
+        let file = |team: &Team| Self {
             schema: TEAM_SCHEMA,
             model_file: model_file.to_owned(),
             key_file: key_file.map(str::to_owned),
@@ -86,19 +86,13 @@ impl TeamFile {
             limits: team.limits,
         };
         let unwritable = |problem: &dyn std::fmt::Display| TeamError::Unwritable(problem.to_string());
-        let text = toml::to_string(&file).map_err(|error| unwritable(&error))?;
+        let text = toml::to_string(&file(team)).map_err(|error| unwritable(&error))?;
         if key_file.is_some() != team.key.is_some() {
             return Err(unwritable(&"a key needs the name of a key file, and the name of a key file needs a key"));
         }
         let again = Self::parse(&text).and_then(|file| file.team(team.model.clone(), team.key.clone()));
         let again = again.map_err(|error| unwritable(&error))?;
-        let local_settings = |team: &Team| {
-            let numbers =
-                [team.min_gain_nats, team.exclusion_threshold_sd, team.track_tolerance_m, team.extrapolation_s_max]
-                    .map(f64::to_bits);
-            (numbers, team.transmissions_max, team.piggyback, team.limits)
-        };
-        if again.canonical_bytes() != team.canonical_bytes() || local_settings(&again) != local_settings(team) {
+        if again.canonical_bytes() != team.canonical_bytes() || file(&again) != file(team) {
             return Err(unwritable(&"the text does not give an equal team"));
         }
         Ok(text)

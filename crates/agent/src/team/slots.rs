@@ -106,25 +106,10 @@ impl Slots {
 
     /// Returns the member that may transmit in a slot; `None` for a slot that continues the one before it.
     pub fn sender(&self, number: u32) -> Option<&VehicleId> {
-        self.sender_at(number.into())
-    }
-
-    /// Returns the member that may transmit at a time, whether its slot has a number or not.
-    pub fn owner(&self, time_s: f64) -> Option<&VehicleId> {
-        self.sender_at(self.index(time_s))
-    }
-
-    fn sender_at(&self, index: f64) -> Option<&VehicleId> {
-        if !index.is_finite() {
-            return None;
+        match &self.explicit {
+            Some(explicit) => explicit.get(number as usize).map(|listed| &listed.sender),
+            None => self.order.get(number as usize % self.cycle_slots()).filter(|name| !name.as_str().is_empty()),
         }
-        if let Some(explicit) = &self.explicit {
-            let number = (index >= 0.0).then_some(index as usize)?;
-            return explicit.get(number).map(|listed| &listed.sender);
-        }
-        let position = index.rem_euclid(self.order.len() as f64);
-        let position = position.is_finite().then_some(position as usize)?;
-        self.order.get(position).filter(|name| !name.as_str().is_empty())
     }
 
     /// Returns whether a vehicle could receive another member in a slot.

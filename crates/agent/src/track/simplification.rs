@@ -154,7 +154,7 @@ impl TrackSimplifier<'_> {
     fn vertices<'s>(&self, sample: &'s Sample) -> &'s [Vertex] {
         let vertex = |cell| {
             let centre = self.grid.waypoint_position(self.chart, cell, self.has_depth);
-            Vertex { cell, centre, deviation_m: horizontal_distance_m(&centre, &sample.at) }
+            Vertex { cell, centre, deviation_m: centre.distance_m(&sample.at) }
         };
         sample.vertices.get_or_init(|| {
             if let Some(fixed) = sample.fixed {
@@ -220,16 +220,11 @@ impl TrackSimplifier<'_> {
         samples.iter().try_fold(0.0, |sum, sample| {
             let at = interpolate(&ends[0], &ends[1], sample.time_s);
             let vertical_m = at.depth_m.zip(sample.at.depth_m).map_or(0.0, |(a, b)| (a - b).abs());
-            let horizontal_m = horizontal_distance_m(&at, &sample.at);
+            let horizontal_m = at.distance_m(&sample.at);
             let is_within_tolerance = horizontal_m <= self.tolerance_m && vertical_m <= self.grid.depth_cell_m;
             is_within_tolerance.then_some(sum + horizontal_m.powi(2))
         })
     }
-}
-
-/// Returns the horizontal distance between two positions, in metres.
-fn horizontal_distance_m(a: &Position, b: &Position) -> f64 {
-    (a.east_m - b.east_m).hypot(a.north_m - b.north_m)
 }
 
 #[cfg(test)]

@@ -48,13 +48,13 @@ impl MainArea {
     pub fn of(positions: &[Position]) -> Self {
         let coordinate = |of: fn(&Position) -> f64| median(positions.iter().map(of).collect());
         let middle = Position::new(coordinate(|position| position.east_m), coordinate(|position| position.north_m));
-        let distances = positions.iter().map(|position| distance_m(&middle, position)).collect();
+        let distances = positions.iter().map(|position| middle.distance_m(position)).collect();
         Self { middle, radius_m: (FAR_TIMES * median(distances)).max(FAR_MIN_M) }
     }
 
     /// Returns whether a position is not far away.
     pub fn contains(&self, position: &Position) -> bool {
-        distance_m(&self.middle, position) <= self.radius_m
+        self.middle.distance_m(position) <= self.radius_m
     }
 }
 
@@ -62,10 +62,6 @@ impl MainArea {
 fn median(mut values: Vec<f64>) -> f64 {
     let middle = values.len() / 2;
     if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
-}
-
-fn distance_m(a: &Position, b: &Position) -> f64 {
-    (a.east_m - b.east_m).hypot(a.north_m - b.north_m)
 }
 
 /// Returns a positive number rounded to two significant digits.

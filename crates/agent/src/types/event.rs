@@ -91,6 +91,11 @@ impl Position {
         }
     }
 
+    /// Returns the horizontal distance to another position, in metres.
+    pub fn distance_m(&self, other: &Position) -> f64 {
+        (self.east_m - other.east_m).hypot(self.north_m - other.north_m)
+    }
+
     /// Returns the course from this position to another one, in degrees clockwise from north, from 0 to 360.
     ///
     /// Returns `None` for positions that are less than two metres apart.
@@ -118,9 +123,7 @@ impl Link {
 
     /// Returns the horizontal distance between the ends, in metres.
     pub fn range_m(&self) -> f64 {
-        let east = self.transmitter.east_m - self.receiver.east_m;
-        let north = self.transmitter.north_m - self.receiver.north_m;
-        east.hypot(north)
+        self.transmitter.distance_m(&self.receiver)
     }
 
     /// Returns the link with its ends exchanged.

@@ -32,7 +32,7 @@ fn straight_segments_take_two_waypoints_and_every_slot_is_within_the_tolerance()
     let at = |slot, extrapolation_s_max| received.at(slot, &slots, &centre, extrapolation_s_max);
     for slot in 0..300 {
         let (found, expected) = (at(slot, 0.0).unwrap(), track.at(10.0 * f64::from(slot)).unwrap());
-        let deviation_m = horizontal_distance_m(&found, &expected);
+        let deviation_m = found.distance_m(&expected);
         // The jump to the circle takes a single slot.
         assert!(deviation_m <= 15.0, "slot {slot} deviates by {deviation_m} m");
     }
@@ -112,7 +112,7 @@ proptest! {
             let centre = |cell| grid.waypoint_position(&chart, cell, true);
             let found = received.at(slot, &slots, &centre, 0.0).unwrap();
             let expected = track.at(10.0 * f64::from(slot)).unwrap();
-            let horizontal_m = horizontal_distance_m(&found, &expected);
+            let horizontal_m = found.distance_m(&expected);
             prop_assert!(horizontal_m <= tolerance_m, "slot {} deviates by {} m", slot, horizontal_m);
             let vertical_m = found.depth_m.unwrap() - expected.depth_m.unwrap();
             prop_assert!(vertical_m.abs() <= grid.depth_cell_m, "slot {} is {} m too deep", slot, vertical_m);

@@ -96,9 +96,7 @@ impl Vehicle {
 
     /// Returns whether a place is so far from the chart of the team that it must be wrong.
     fn is_off_chart(&self, position: &Position) -> bool {
-        let origin = self.agent.team().model.chart.origin;
-        let distance_m = (position.east_m - origin.east_m).hypot(position.north_m - origin.north_m);
-        distance_m > self.reach_m()
+        position.distance_m(&self.agent.team().model.chart.origin) > self.reach_m()
     }
 
     fn reach_m(&self) -> f64 {

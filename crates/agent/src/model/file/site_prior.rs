@@ -1,6 +1,6 @@
 //! The site prior in a model file.
 
-use dgpc::Matrix;
+use dgpc::{Matrix, Summary};
 use serde::{Deserialize, Serialize};
 
 use crate::model::file::error::{ModelFileError, check_bounds};
@@ -49,8 +49,8 @@ impl SitePriorLayout {
             check_bounds("entry of site_prior.shift or site_prior.precision", bounds::INFORMATION, entry)?;
         }
         let precision = Matrix::from_fn(points, points, |i, j| self.precision[i.max(j)][i.min(j)]);
-        let inputs = model.inputs(&links)?;
-        Ok(SitePrior::new(&model.prior, links, &inputs, precision, self.shift.clone())?)
+        let summary = Summary::from_whitened(&model.prior, &model.inputs(&links)?, precision, self.shift.clone())?;
+        Ok(SitePrior::new(links, summary)?)
     }
 }
 

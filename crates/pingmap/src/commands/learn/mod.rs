@@ -255,7 +255,7 @@ fn held_out_nll(
     Ok(Score::new(&probabilities, &outcomes).map(|score| score.nll))
 }
 
-/// Rule by which a row of the table is chosen: [`LearnedModel::improves_on`] in words.
+/// Rule by which a row of the table is chosen: `Learning::try_term` in words.
 const RULE: &str = "\
 The program tries each term in turn. The threshold is 0.001 nats an event, or one standard error of the gain in LOO if \
 that is larger. Range and receiver's place are kept if LOO rises by more than the threshold. Other terms must also \
