@@ -46,8 +46,8 @@ pub struct Candidates {
     variance: Vec<f64>,
     /// Variance that remains at a candidate after it is chosen, N. It is 0 if f is then taken as known there.
     floor: Vec<f64>,
-    /// The features of the candidates under the public posterior of [`Candidates::towards`], N×n for its n rows that the
-    /// covariance includes.
+    /// The features of the candidates under the public posterior of [`Candidates::towards`], N×n for its n rows that
+    /// the covariance includes.
     features: Matrix,
     jitter: f64,
 }

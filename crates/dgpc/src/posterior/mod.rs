@@ -212,8 +212,8 @@ impl Posterior {
     ///
     /// # Errors
     /// [`crate::Error::SizeMismatch`] if the inputs have another dimension than the support,
-    /// [`crate::Error::BadColumn`] if they do not fit the prior, and [`crate::Error::NotFinite`] if numbers near the end
-    /// of the floating-point range overflow.
+    /// [`crate::Error::BadColumn`] if they do not fit the prior, and [`crate::Error::NotFinite`] if numbers near the
+    /// end of the floating-point range overflow.
     pub fn latent(&self, inputs: &Inputs) -> Result<Latent> {
         self.check_dimension(inputs)?;
         Latent::in_blocks(&self.prior, inputs, self.len() * self.len(), |block, mean, variance, features| {
