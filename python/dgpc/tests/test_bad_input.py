@@ -188,7 +188,7 @@ def assert_right(result: object, name: str = "") -> None:
     elif isinstance(result, dgpc.Summary):
         # Precisions near the largest number overflow. A posterior of such a summary raises an error.
         with contextlib.suppress(dgpc.Error):
-            assert_right(dgpc.Posterior(result.prior, summaries=[result]))
+            assert_right(dgpc.Posterior(result.prior, summaries=[result]).latent(result.points), "latent")
     elif type(result).__module__ == "dgpc":
         for key, attribute in vars(type(result)).items():
             if inspect.isgetsetdescriptor(attribute):

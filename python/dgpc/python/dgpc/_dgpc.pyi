@@ -1,6 +1,6 @@
 """Types of the compiled part. The docstrings are in the module itself."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias, final
 
 import numpy as np
