@@ -100,7 +100,6 @@ impl Agent {
         }
     }
 
-    /// Returns the numbers and names of all other members.
     fn other_members(&self) -> impl Iterator<Item = (&u8, &VehicleId)> {
         self.team().members.iter().filter(|(number, _)| Some(**number) != self.memory.own)
     }

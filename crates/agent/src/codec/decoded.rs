@@ -33,7 +33,6 @@ pub(crate) struct Report {
 }
 
 impl Report {
-    /// Returns the latest slot that the report contains.
     pub(crate) fn latest_slot(&self) -> u32 {
         let outcome = self.outcomes.last().map(|&(slot, _)| slot);
         let waypoint = self.waypoints.last().map(|&(slot, _)| slot);

@@ -237,7 +237,6 @@ fn point_levels(summary: &Summary) -> dgpc::Result<Vec<(u8, i8)>> {
     Ok((0..summary.len()).map(of_point).collect())
 }
 
-/// Returns the levels of the partial correlations between points.
 fn correlation_levels(summary: &Summary) -> Vec<i8> {
     partial_correlations(summary.whitened_precision()).into_iter().map(correlation_level).collect()
 }

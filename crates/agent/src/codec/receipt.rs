@@ -145,7 +145,6 @@ pub enum Refusal {
     Unusable(dgpc::Error),
 }
 
-/// Describes the difference between two team configurations.
 fn difference_in_words(found: Option<u16>, expected: u16) -> String {
     found.map_or_else(
         || ", with this team's key".into(),

@@ -24,7 +24,6 @@ impl TeamCodec {
         Self { digest: team.digest(), team }
     }
 
-    /// Returns the digest of the team configuration.
     pub(crate) fn digest(&self) -> &[u8; 32] {
         &self.digest
     }
@@ -190,7 +189,6 @@ impl TeamCodec {
         ReportMessage { model: check_number(&bytes) ^ self.configuration_number(), ..unnumbered }.encode(layout, None)
     }
 
-    /// Returns the form of the team's reports.
     pub(crate) fn report_layout(&self) -> &'static ReportLayout {
         ReportLayout::new(self.team.model.inputs.has_depths(), self.team.key.is_some())
     }

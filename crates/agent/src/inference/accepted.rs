@@ -24,7 +24,6 @@ impl AcceptedData {
         all.without(&memory.muted)
     }
 
-    /// Returns the data without those of some members.
     pub(crate) fn without(&self, members: &BTreeSet<u8>) -> Self {
         if members.is_empty() {
             return self.clone();

@@ -93,7 +93,6 @@ impl EventFit {
         self.remote.get_key_value(key).is_some_and(|event| is_among(&accepted.events, event))
     }
 
-    /// Returns the indices of the own events with wanted numbers.
     pub(crate) fn own_indices(&self, is_wanted: impl Fn(u64) -> bool) -> Vec<usize> {
         (0..self.sources.len()).filter(|&index| self.own_number(index).is_some_and(&is_wanted)).collect()
     }

@@ -5,8 +5,7 @@ use std::sync::Arc;
 
 use dgpc::{Posterior, Summary};
 
-use crate::codec::decoded::EventKey;
-use crate::codec::decoded::PacketKey;
+use crate::codec::decoded::{EventKey, PacketKey};
 use crate::error::AgentError;
 use crate::inference::accepted::{AcceptedData, packets_with, summaries, summaries_under};
 use crate::inference::alternative::AlternativeModel;

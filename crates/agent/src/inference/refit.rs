@@ -108,7 +108,6 @@ impl Posteriors {
 }
 
 impl OwnModel {
-    /// Returns the model with a new fit of the trusted data.
     fn with_fit(&self, fit: EventFit, trusted: &AcceptedData) -> Self {
         Self {
             fit,

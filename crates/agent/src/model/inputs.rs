@@ -168,7 +168,6 @@ impl InputSpec {
         index * width..(index + 1) * width
     }
 
-    /// Returns the number of coordinates of one end.
     fn dimension_of_an_end(self) -> usize {
         match self {
             InputSpec::Positions => 2,

@@ -97,7 +97,6 @@ impl Model {
         self.site.as_ref().map_or_else(prior_alone, |site| site.posterior().clone())
     }
 
-    /// Returns the summary of the site prior, if there is one.
     pub(crate) fn site_summary(&self) -> Option<&Summary> {
         self.site.as_ref().map(|site| site.summary())
     }

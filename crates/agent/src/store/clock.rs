@@ -102,12 +102,10 @@ impl Clock {
         }
     }
 
-    /// Returns the number of frames of a sender that wait.
     pub(crate) fn waiting_of(&self, sender: u8) -> usize {
         self.waiting.get(&sender).map_or(0, |waiting| waiting.len())
     }
 
-    /// Returns all frames that wait.
     pub(crate) fn waiting(&self) -> impl Iterator<Item = &Entry> {
         self.waiting.values().flat_map(|waiting| waiting.values())
     }

@@ -187,7 +187,6 @@ impl Events {
         self.numbers.first().copied().unwrap_or_default()
     }
 
-    /// Returns the events from a time on.
     pub(crate) fn since(&self, time_s: f64) -> &[RecordedEvent] {
         &self.in_order[self.in_order.partition_point(|recorded| recorded.event.time_s < time_s)..]
     }

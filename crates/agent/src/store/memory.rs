@@ -447,7 +447,6 @@ impl Memory {
         self.clock.admit(&self.codec.team, sender, number, entry)
     }
 
-    /// Returns whether a member transmitted in its slot.
     pub(crate) fn is_transmission(&self, transmitter: u8, slot: u32) -> bool {
         self.evidence().is_transmission(transmitter, slot)
     }
@@ -512,7 +511,6 @@ impl Memory {
         Ok(self.effect(number, receipt, slots.into_iter().map(|(slot, _)| slot..slot + 1).collect()))
     }
 
-    /// Returns the number of the vehicle's next transmission.
     pub(crate) fn next_transmission_number(&self) -> u64 {
         self.own_frames().filter_map(|(_, sent)| sent.last_number()).max().map_or(0, |last| last + 1)
     }

@@ -103,7 +103,6 @@ impl OwnOutcomes {
         self.by_slot.range(slots).map(|(&slot, &outcome)| (slot, outcome))
     }
 
-    /// Returns whether the vehicle heard the message of a slot.
     pub(crate) fn has_heard(&self, slot: u32) -> bool {
         self.by_slot.get(&slot).is_some_and(|&outcome| outcome != ReportedOutcome::Missed)
     }

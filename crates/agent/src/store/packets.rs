@@ -150,7 +150,6 @@ impl Packets {
         versions.filter(|versions| versions.len() > 1).count()
     }
 
-    /// Returns the largest counter of a sender.
     pub(crate) fn latest(&self, sender: u8) -> Option<u16> {
         self.senders.get(&sender)?.latest
     }

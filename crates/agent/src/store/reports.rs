@@ -193,7 +193,6 @@ impl Reports {
         is_new
     }
 
-    /// Returns the piggybacked outcomes of a sender by slot.
     pub(crate) fn piggybacked(&self, sender: u8) -> impl Iterator<Item = (u32, ReportedOutcome)> {
         let sender = self.senders.get(&sender).into_iter();
         sender.flat_map(|sender| sender.piggybacked.iter().map(|(&slot, &outcome)| (slot, outcome)))
@@ -221,7 +220,6 @@ impl Reports {
         self.senders.keys().copied()
     }
 
-    /// Returns the content of the reports of one member.
     pub(crate) fn reports_of(&self, sender: u8) -> Option<&Arc<ReceivedReports>> {
         self.senders.get(&sender).filter(|sender| !sender.reports.is_empty()).map(|sender| &sender.content)
     }

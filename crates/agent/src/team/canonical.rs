@@ -25,7 +25,6 @@ impl Writer {
         self.0.extend(value.to_le_bytes());
     }
 
-    /// Writes the bits of a double.
     pub(crate) fn f64(&mut self, value: f64) {
         self.u64(value.to_bits());
     }
@@ -46,7 +45,6 @@ impl Writer {
         self.bytes(text.as_bytes());
     }
 
-    /// Returns the encoded bytes.
     pub(crate) fn finish(self) -> Vec<u8> {
         self.0
     }

@@ -22,7 +22,6 @@ pub enum Vehicle {
 pub struct Label(u64);
 
 impl Label {
-    /// Computes the label of a name.
     fn from_name(name: &str) -> Self {
         let mut bytes = [0; 8];
         bytes[..6].copy_from_slice(&digest(name.as_bytes())[..6]);
@@ -37,7 +36,6 @@ const TYPICAL_LABEL: f64 = -1.0;
 const NEW_VEHICLE_LABEL: f64 = 0.5;
 
 impl Vehicle {
-    /// Returns the vehicle's label in the inputs.
     pub(crate) fn label(self) -> f64 {
         match self {
             Vehicle::Typical => TYPICAL_LABEL,
@@ -64,7 +62,6 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// Returns the kind's label in the inputs.
     pub(crate) fn label(self) -> f64 {
         match self {
             Kind::Typical => TYPICAL_LABEL,

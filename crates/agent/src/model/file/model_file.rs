@@ -206,7 +206,6 @@ impl ChartLayout {
         }
     }
 
-    /// Returns the chart.
     fn read(&self) -> Result<Chart, ModelFileError> {
         let origin = Position::new(
             check_bounds("origin_east_m", bounds::COORDINATE_M, self.origin_east_m)?,
@@ -236,7 +235,6 @@ enum MeanLayout {
 }
 
 impl MeanLayout {
-    /// Returns the layout of a prior mean.
     fn write(mean: &PriorMean) -> Self {
         match mean {
             PriorMean::Constant(log_odds) => Self::Constant { log_odds: *log_odds },
@@ -245,7 +243,6 @@ impl MeanLayout {
         }
     }
 
-    /// Returns the prior mean over these inputs.
     fn read(&self, inputs: InputSpec) -> Result<PriorMean, ModelFileError> {
         match *self {
             Self::Zero {} => Ok(PriorMean::Zero),

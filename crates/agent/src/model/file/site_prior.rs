@@ -24,7 +24,6 @@ pub(crate) struct SitePriorLayout {
 }
 
 impl SitePriorLayout {
-    /// Returns the layout of a site prior.
     pub(crate) fn write(site: &SitePrior, log_digests: &[String]) -> Self {
         let end = |end: Position| [Some(end.east_m), Some(end.north_m), end.depth_m].into_iter().flatten();
         Self {
@@ -35,7 +34,6 @@ impl SitePriorLayout {
         }
     }
 
-    /// Returns the site prior under this model.
     pub(crate) fn read(&self, model: &Model) -> Result<SitePrior, ModelFileError> {
         let points = self.links.len();
         let size = points as f64;

@@ -83,7 +83,6 @@ impl TermLayout {
         given.filter(|_| is_alone).ok_or(ModelFileError::LengthScaleUnit { term, expected })
     }
 
-    /// Returns the layout of a correlation over columns of these inputs.
     fn write_correlation(correlation: &Correlation, inputs: InputSpec) -> Self {
         let names = inputs.column_names();
         let ties = correlation.ties();
@@ -145,7 +144,6 @@ impl TermLayout {
         correlation.and_then(tied).map_err(|source| ModelFileError::Term { term, source })
     }
 
-    /// Returns the layout of a kernel term over these inputs.
     pub(crate) fn write(term: &Term, inputs: InputSpec) -> Self {
         // A term has at least one correlation.
         let (first, others) = (&term.correlations()[0], &term.correlations()[1..]);
