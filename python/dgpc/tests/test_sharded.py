@@ -215,10 +215,11 @@ def test_events_that_no_fit_accepts_are_not_written(tmp_path, y, weights, text):
     assert not list(tmp_path.iterdir())
 
 
-def test_no_file_remains_after_a_full_disk(tmp_path, paths):
+@pytest.mark.parametrize("limit", [3000, 4096])
+def test_no_file_remains_after_a_full_disk(tmp_path, paths, limit):
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     try:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (4096, before[1]))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, before[1]))
         with pytest.raises(OSError):
             sharded.write_shards(tmp_path / "full", X[:599], Y[:599], shards=2)
     finally:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.lib.format import header_data_from_array_1_0, write_array_header_1_0
 from numpy.typing import ArrayLike, NDArray
 
 from .._dgpc import Sites
@@ -62,7 +63,7 @@ def write_shards(
     Sites(columns[0], columns[1], np.ones(columns[1].shape), *columns[2:])
     if shards < 1:
         raise ValueError(f"shards must be at least 1, found {shards}")
-    table = np.column_stack(columns)
+    table = np.ascontiguousarray(np.column_stack(columns))
     Path(folder).mkdir(parents=True, exist_ok=True)
     paths = [Path(folder) / f"shard-{number:04}.npy" for number in range(shards)]
     written = []
@@ -71,7 +72,9 @@ def write_shards(
             # "x" refuses to replace a file.
             with open(path, "xb") as file:
                 written.append(path)
-                np.save(file, rows)
+                # `np.save` does not notice a disk that becomes full.
+                write_array_header_1_0(file, header_data_from_array_1_0(rows))
+                file.write(rows.data)
     except BaseException:
         for path in written:
             path.unlink()
