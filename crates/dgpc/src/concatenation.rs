@@ -1,6 +1,6 @@
 //! Concatenation, the paper's fusion of summaries ([`crate::method::fusion`]).
 
-use crate::error::{Error, Result, same_size};
+use crate::error::{Error, Result};
 use crate::inputs::Inputs;
 use crate::latent::Latent;
 use crate::linalg::{Cholesky, Matrix, dot, product, squared_norm};
@@ -73,9 +73,7 @@ impl Concatenation {
     /// [`Error::SizeMismatch`] if the inputs have another dimension than the summaries, [`Error::BadColumn`] if they do
     /// not fit the prior, and [`Error::NotFinite`] if numbers near the end of the floating-point range overflow.
     pub fn latent(&self, inputs: &Inputs) -> Result<Latent> {
-        if !self.support.is_empty() {
-            same_size("input dimension", self.support.dimension(), inputs.dimension())?;
-        }
+        self.support.check_dimension(inputs)?;
         Latent::in_blocks(&self.prior, inputs, self.support.len().pow(2), |block, mean, variance, ()| {
             let mut features = self.prior.kernel().cross(&self.support, block)?;
             self.gram.solve_lower_matrix(&mut features);

@@ -72,6 +72,14 @@ impl Inputs {
         self.values.chunks_exact(self.dimension)
     }
 
+    /// Checks that `points` have as many columns as these. Without points here, every number is right.
+    ///
+    /// # Errors
+    /// [`Error::SizeMismatch`].
+    pub(crate) fn check_dimension(&self, points: &Inputs) -> Result<()> {
+        if self.is_empty() { Ok(()) } else { same_size("input dimension", self.dimension, points.dimension) }
+    }
+
     /// Returns the points at `indices`, in that order.
     ///
     /// # Panics

@@ -215,7 +215,7 @@ impl Posterior {
     /// [`crate::Error::BadColumn`] if they do not fit the prior, and [`crate::Error::NotFinite`] if numbers near the
     /// end of the floating-point range overflow.
     pub fn latent(&self, inputs: &Inputs) -> Result<Latent> {
-        self.check_dimension(inputs)?;
+        self.support.check_dimension(inputs)?;
         Latent::in_blocks(&self.prior, inputs, self.len() * self.len(), |block, mean, variance, features| {
             let (learned, explained) = if block.len() < ROWS_MIN {
                 self.moments_of_few(block)?
@@ -307,7 +307,7 @@ impl Posterior {
     /// whitened covariance of an input with the support. Returns tᵀb̂ over the appended rows, one per input. O(nm) an
     /// input. The features must end between two absorptions.
     pub(crate) fn append_features(&self, inputs: &Inputs, features: &mut Matrix) -> Result<Vec<f64>> {
-        self.check_dimension(inputs)?;
+        self.support.check_dimension(inputs)?;
         let first = features.columns();
         let mut new = self.prior.kernel().cross(inputs, &self.support.slice(first..self.len()))?;
         let segments = &self.segments[self.segments.partition_point(|segment| segment.first < first)..];
@@ -349,19 +349,10 @@ impl Posterior {
 
     /// Returns the whitened k(support, x), one column per point.
     fn features(&self, inputs: &Inputs) -> Result<Matrix> {
-        self.check_dimension(inputs)?;
+        self.support.check_dimension(inputs)?;
         let mut features = self.prior.kernel().cross(&self.support, inputs)?;
         whiten(&self.segments, 0, &mut features);
         Ok(features)
-    }
-
-    /// Checks that `inputs` have as many columns as the support. The prior alone accepts every number that its kernel
-    /// accepts.
-    fn check_dimension(&self, inputs: &Inputs) -> Result<()> {
-        match self.is_empty() {
-            true => Ok(()),
-            false => same_size("input dimension", self.support.dimension(), inputs.dimension()),
-        }
     }
 
     /// Turns whitened features into features whose squared norm is the explained prior variance.
