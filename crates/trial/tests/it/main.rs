@@ -5,6 +5,7 @@
 mod alternatives;
 mod fading;
 mod fleet;
+mod interrupts;
 mod log_checks;
 mod online;
 mod optional_terms;

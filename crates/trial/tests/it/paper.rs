@@ -9,8 +9,6 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::LazyLock;
 
-use dgpc::Error;
-use pingmap_agent::Interrupt;
 use pingmap_trial::paper::{Choice, DataSet, Experiment, Fusion, Omega, Policy, SetOutcome};
 use pingmap_trial::{EventLog, Score};
 use rand::seq::SliceRandom;
@@ -51,18 +49,6 @@ static TESTED: LazyLock<Tested> = LazyLock::new(|| {
     let outcome = experiment.at_radius(RADIUS_LENGTH_SCALES * length_scale, &|| ()).unwrap().sets.remove(0);
     Tested { length_scale, outcome }
 });
-
-#[test]
-fn a_requested_interrupt_stops_the_experiment() {
-    let set = DataSet::new("bay3", EventLog::open(Path::new(FILE)).unwrap()).unwrap();
-    let experiment = Experiment::new(vec![set], PERMUTATIONS, SEED).unwrap();
-    let interrupt = Interrupt::default();
-    let on_thread = interrupt.clone();
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).start_handler(move |_| on_thread.attach());
-    // The request comes after the first permutation.
-    let outcome = pool.build().unwrap().install(|| experiment.at_radius(0.4, &|| interrupt.request()));
-    assert_eq!(outcome.unwrap_err(), Error::Stopped);
-}
 
 // Events, regions and splits.
 
