@@ -11,10 +11,11 @@ use crate::linalg::{
 };
 use crate::parts::{BLOCK, blocks, on_parts, parts};
 
-/// Returns the largest number of covariances of N events that are kept in memory. Together with four numbers an event
-/// they take at most 59 MB. Further covariances are computed each time they are needed.
+/// Returns the largest number of covariances of N events that are kept in memory: 59 MB for few events, none from a
+/// million events on. They would then be a small share of all covariances. Covariances that are not kept are computed
+/// each time they are needed.
 pub(crate) fn kept_max(events: usize) -> usize {
-    (7_usize << 20).saturating_sub(4 * events)
+    7 * (1_usize << 20).saturating_sub(events)
 }
 
 /// The covariances K_NM of N events with M inducing points.

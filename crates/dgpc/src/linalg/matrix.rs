@@ -133,11 +133,11 @@ impl Matrix {
     }
 
     /// Enlarges a square matrix. New entries are `entry(row, column)`. Existing entries are moved only if the storage
-    /// must be enlarged, which then reserves an eighth more than needed.
+    /// must be enlarged, which then reserves a sixteenth more than needed.
     pub(crate) fn grow(&mut self, size: usize, entry: impl FnMut(usize, usize) -> f64) {
         // The column stride is the number of rows that fit. Reserving room that exists already has no effect.
         let rows = self.0.col_stride().unsigned_abs();
-        let room = if rows < size { (size + size / 8).next_multiple_of(16) } else { rows };
+        let room = if rows < size { (size + size / 16).next_multiple_of(16) } else { rows };
         self.0.reserve(room, room);
         self.0.resize_with(size, size, entry);
     }
