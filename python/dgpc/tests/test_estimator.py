@@ -241,6 +241,23 @@ def test_it_works_in_cross_validation(data) -> None:
     assert cross_val_score(Classifier(), *data, cv=3).mean() > 0.75
 
 
+def test_only_a_verbose_estimator_prints_its_progress(data, monkeypatch, capfd) -> None:
+    fit = dgpc._dgpc.fit
+
+    def slow(*args, progress=None, **options):
+        if progress is not None:
+            progress({"iterations": 3, "change": 0.25, "evaluations": 0, "objective": None})
+        return fit(*args, progress=progress, **options)
+
+    monkeypatch.setattr(dgpc._dgpc, "fit", slow)
+    for verbose in (False, True):
+        dgpc.GaussianProcessClassifier(optimizer=None, verbose=verbose).fit(*data)
+        printed = capfd.readouterr()
+        assert printed.out == "" and printed.err == verbose * (
+            "GaussianProcessClassifier: iterations 3, change 0.25, evaluations 0\n"
+        )
+
+
 def test_several_classes_are_combined_by_one_versus_rest() -> None:
     x, y = make_blobs(90, centers=4, random_state=1)
     model = OneVsRestClassifier(Classifier()).fit(x, y)

@@ -11,10 +11,8 @@ import pytest
 
 HAS_SKLEARN = importlib.util.find_spec("sklearn") is not None
 
-#: Names whose documentation must have an example.
+#: Methods whose documentation must have an example, in addition to every export.
 HAVE_EXAMPLES = """
-    Candidates Certificate Kernel Posterior Prior Sites Summary Term effective_sample_size evidence fit gibbs learn
-    polya_gamma polya_gamma_moments region_around success_probability GaussianProcessClassifier
     GaussianProcessClassifier.fit GaussianProcessClassifier.partial_fit GaussianProcessClassifier.predict
     GaussianProcessClassifier.predict_proba GaussianProcessClassifier.decision_function
     GaussianProcessClassifier.latent_mean_and_variance GaussianProcessClassifier.log_marginal_likelihood
@@ -39,7 +37,8 @@ def members() -> list[tuple[str, object]]:
 def test_examples_in_the_documentation_are_right(name: str) -> None:
     finder = doctest.DocTestFinder(exclude_empty=True)
     examples = [test for test in finder.find(getattr(dgpc, name), name, module=False, globs={}) if test.examples]
-    assert {test.name for test in examples} >= {one for one in HAVE_EXAMPLES if one.split(".")[0] == name}
+    expected = {one for one in HAVE_EXAMPLES if one.split(".")[0] == name} | ({name} - {"Error"})
+    assert {test.name for test in examples} >= expected
     for example in examples:
         assert doctest.DocTestRunner().run(example).failed == 0
 

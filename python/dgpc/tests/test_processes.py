@@ -2,6 +2,7 @@
 
 import os
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -74,6 +75,33 @@ def test_ctrl_c_stops_sampling_within_a_second(prior: dgpc.Prior) -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals differ on Windows")
+@pytest.mark.parametrize("work", ["fit", "posterior"])
+def test_ctrl_c_does_not_wait_for_the_end_of_a_long_matrix_operation(work: str) -> None:
+    # One factorisation of 8000 rows takes several seconds on one thread. The process ends while it runs.
+    program = f"""
+import os, signal, threading, time
+import dgpc, numpy as np
+signal.signal(signal.SIGINT, signal.default_int_handler)
+x = np.random.default_rng(1).uniform(-3.0, 3.0, (8000, 2))
+prior = dgpc.Prior(dgpc.Term("matern52", 1.0, variance=4.0, dimension=2))
+sites = dgpc.Sites(x, x[:, 0] > 0, np.full(8000, 0.2))
+jobs = dict(fit=lambda: dgpc.fit(prior, x, x[:, 0] > 0), posterior=lambda: dgpc.Posterior(prior, sites))
+threading.Timer(0.5, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+begin = time.monotonic()
+try:
+    jobs["{work}"]()
+except KeyboardInterrupt:
+    took = time.monotonic() - begin
+    small = dgpc.fit(prior, x[:20], x[:20, 0] > 0).posterior().probability(x[:3])
+    print("stopped after", took, len(small))
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120,
+                          env={**os.environ, "RAYON_NUM_THREADS": "1"})
+    assert done.returncode == 0 and done.stdout.startswith("stopped after"), (done.stdout, done.stderr)
+    assert float(done.stdout.split()[2]) < 1.5 and done.stdout.split()[3] == "3"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals differ on Windows")
 @pytest.mark.parametrize("work", ["fit", "learn", "predict"])
 def test_ctrl_c_stops_fits_learning_and_predictions_within_a_second(prior: dgpc.Prior, work: str) -> None:
     x, y = np.tile(X, (12, 1)) + np.linspace(0.0, 1e-3, 12 * len(X))[:, None], np.tile(Y, 12)
@@ -109,3 +137,40 @@ def test_long_work_reports_progress_and_ends_with_its_exceptions(prior: dgpc.Pri
                        tolerance=0.0, progress=report)
     assert time.monotonic() - begin > 2.0
     assert seen[1]["evaluations"] >= seen[0]["evaluations"] and seen[0]["change"] > 0.0
+
+
+def test_sampling_reports_the_number_of_sweeps(prior: dgpc.Prior) -> None:
+    class Enough(Exception):
+        pass
+
+    def report(progress: dict[str, object]) -> None:
+        raise Enough(progress)
+
+    with pytest.raises(Enough) as found:
+        dgpc.gibbs(prior, X, Y, 1_000_000, seed=1, progress=report)
+    (progress,) = found.value.args
+    assert progress["iterations"] > 10 and progress["change"] is None
+
+
+def test_a_progress_callable_may_compute_while_learning_waits() -> None:
+    program = """
+import dgpc, numpy as np
+x = np.random.default_rng(1).normal(size=(2700, 2))
+y = np.hypot(*x.T) < 1.2
+prior = dgpc.Prior(dgpc.Term("matern52", 1.0, variance=2.0, dimension=2))
+posterior = dgpc.Posterior(prior, dgpc.Sites(x[:800], y[:800], np.full(800, 0.2)))
+seen = []
+def report(progress):
+    seen.append(posterior.probability(np.tile(x, (5, 1))))
+    if len(seen) == 3:
+        raise RuntimeError("enough")
+try:
+    while True:
+        dgpc.learn(prior, x, y, further_starts=[prior, prior], tolerance=0.0, progress=report)
+except RuntimeError:
+    print(len(seen))
+"""
+    for threads in ("1", "2"):
+        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120,
+                              env={**os.environ, "RAYON_NUM_THREADS": threads})
+        assert done.stdout == "3\n", done.stderr

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import pickle
+import sys
 import zlib
+from collections.abc import Callable
 from numbers import Integral
 from typing import Any
 
@@ -22,6 +24,12 @@ from ._kernels import Translation, translate
 STATE_VERSION = 1
 
 L_BFGS = "fmin_l_bfgs_b"
+
+
+def print_progress(progress: dict[str, Any]) -> None:
+    """Prints the progress of a fit or of learning to standard error."""
+    parts = [f"{name} {value:.6g}" for name, value in progress.items() if value is not None]
+    print("GaussianProcessClassifier:", ", ".join(parts), file=sys.stderr, flush=True)
 
 
 class GaussianProcessClassifier(ClassifierMixin, BaseEstimator):
@@ -49,6 +57,8 @@ class GaussianProcessClassifier(ClassifierMixin, BaseEstimator):
         Generator of the further starts.
     inducing_points : int, array of shape (M, d) or None, default None
         Points that support the posterior in place of the events. A number is chosen among the inputs.
+    verbose : bool, default False
+        Whether work of more than two seconds prints its progress to standard error, about twice a second.
 
     Attributes
     ----------
@@ -86,6 +96,7 @@ class GaussianProcessClassifier(ClassifierMixin, BaseEstimator):
         warm_start: bool = False,
         random_state: Any = None,
         inducing_points: Any = None,
+        verbose: bool = False,
     ) -> None:
         self.kernel = kernel
         self.optimizer = optimizer
@@ -94,6 +105,7 @@ class GaussianProcessClassifier(ClassifierMixin, BaseEstimator):
         self.warm_start = warm_start
         self.random_state = random_state
         self.inducing_points = inducing_points
+        self.verbose = verbose
 
     def fit(self, X: ArrayLike, y: ArrayLike) -> GaussianProcessClassifier:
         """Learns the hyperparameters and fits the events. After an exception, the results of an earlier fit remain.
@@ -295,10 +307,18 @@ class GaussianProcessClassifier(ClassifierMixin, BaseEstimator):
             raise ValueError(f"inducing_points must have shape (M, {X.shape[1]}), found {np.shape(points)}")
         return points
 
+    def _progress(self) -> Callable[[dict[str, Any]], None] | None:
+        return print_progress if self.verbose else None
+
     def _fitted(self, prior: _dgpc.Prior, X: NDArray[Any], outcomes: NDArray[Any]) -> _dgpc.Fit:
         """Fits the events under a prior."""
         return _dgpc.fit(
-            prior, X, outcomes, inducing_points=self._points(X), iterations_max=self.max_iter_predict
+            prior,
+            X,
+            outcomes,
+            inducing_points=self._points(X),
+            iterations_max=self.max_iter_predict,
+            progress=self._progress(),
         )
 
     def _learned(self, translation: Translation, X: NDArray[Any], outcomes: NDArray[Any]) -> _dgpc.Fit:
@@ -327,6 +347,7 @@ class GaussianProcessClassifier(ClassifierMixin, BaseEstimator):
             outcomes,
             bounds=translation.bounds(),
             further_starts=[translation.prior_at(start) for start in starts[1:]],
+            progress=self._progress(),
             **sparse,
         )
         return self._fitted(learned.prior, X, outcomes) if is_number else learned.fit
@@ -354,6 +375,7 @@ class GaussianProcessClassifier(ClassifierMixin, BaseEstimator):
             outcomes,
             inducing_points=points,
             iterations_max=self.max_iter_predict,
+            progress=self._progress(),
         )
         return fit.evidence, translation.theta_of(gradient)
 
@@ -394,6 +416,6 @@ class GaussianProcessClassifier(ClassifierMixin, BaseEstimator):
             raise ValueError(f"this pickle has version {version}; this package reads versions up to {STATE_VERSION}")
         if not isinstance(data, bytes) or zlib.crc32(data) != state.get("_checksum"):
             raise ValueError("this pickle is damaged: the checksum differs")
-        super().__setstate__(pickle.loads(data) | {"optimizer": state.get("optimizer")})
+        super().__setstate__({"verbose": False} | pickle.loads(data) | {"optimizer": state.get("optimizer")})
         if hasattr(self, "prior_"):
             self._posterior = self._posterior_of_events()

@@ -11,4 +11,7 @@ pub use arrays::{
 };
 pub use bytes::{decode, encode, reduce};
 pub use errors::{Error, bad_input};
-pub use work::{check_memory, generator, interruptible, locked, predicted, remember_process, watched, work, work_on};
+pub use work::{
+    check_memory, generator, interruptible, locked, long_work, predicted, remember_process, report_step, watched, work,
+    work_on,
+};

@@ -38,6 +38,15 @@ pub fn work<T: Send>(py: Python<'_>, compute: impl FnOnce() -> dgpc::Result<T> +
     py.detach(|| on_live_threads(compute))?.map_err(failed)
 }
 
+/// Runs a long computation as [`work`] does, on a thread of its own. After Ctrl-C, the caller continues within half a
+/// second. The computation then continues alone, and its result is dropped.
+pub fn long_work<T: Send + 'static>(
+    py: Python<'_>,
+    compute: impl FnOnce() -> dgpc::Result<T> + Send + 'static,
+) -> PyResult<T> {
+    watched(py, None, |_| compute())
+}
+
 /// Repeats a step `times` times without the interpreter's lock, and checks for Ctrl-C in between.
 pub fn interruptible(
     py: Python<'_>,
@@ -59,61 +68,81 @@ pub fn interruptible(
     py.check_signals()
 }
 
-/// Multiply-adds of a part of a prediction. Ctrl-C waits for the end of a part.
+/// Multiply-adds of a prediction without a thread of its own, and of a part of a longer prediction.
 const PREDICTION_WORK: usize = 1 << 32;
 
 /// Points in the smallest part. `dgpc` predicts in blocks of such lengths, so the parts do not change any bit.
 const PREDICTION_POINTS: usize = 256;
 
-/// Predicts at points without the interpreter's lock, and checks for Ctrl-C after each part of them. A point costs
-/// `work_each` multiply-adds.
+/// Predicts at points without the interpreter's lock, and stops after Ctrl-C. A point costs `work_each` multiply-adds.
 pub fn predicted(
     py: Python<'_>,
-    inputs: &Inputs,
+    inputs: Inputs,
     work_each: usize,
-    latent: impl Fn(&Inputs) -> dgpc::Result<Latent> + Sync,
+    latent: impl Fn(&Inputs) -> dgpc::Result<Latent> + Send + 'static,
 ) -> PyResult<Latent> {
+    if inputs.len().saturating_mul(work_each) <= PREDICTION_WORK {
+        return work(py, move || latent(&inputs));
+    }
     let blocks = PREDICTION_WORK / work_each.saturating_mul(PREDICTION_POINTS).max(1);
     let points = blocks.max(1) * PREDICTION_POINTS;
-    let mut all = Latent { mean: Vec::new(), variance: Vec::new() };
-    // Without points, a part without points checks the arguments.
-    interruptible(py, inputs.len().div_ceil(points).max(1), |part| {
-        let first = part * points;
-        let found = latent(&inputs.slice(first..inputs.len().min(first + points)))?;
-        all.mean.extend(found.mean);
-        all.variance.extend(found.variance);
-        Ok(())
-    })?;
-    Ok(all)
+    watched(py, None, move |monitor| {
+        let mut all = Latent { mean: Vec::new(), variance: Vec::new() };
+        for first in (0..inputs.len()).step_by(points) {
+            let found = latent(&inputs.slice(first..inputs.len().min(first + points)))?;
+            all.mean.extend(found.mean);
+            all.variance.extend(found.variance);
+            report_step(monitor, first)?;
+        }
+        Ok(all)
+    })
+}
+
+/// A callback that receives the progress of a computation, and may stop it.
+pub type Callback<'a> = dyn Fn(Progress) -> ControlFlow<()> + Sync + 'a;
+
+/// Reports the number of steps of a computation that has no other progress. Returns an error if it must stop.
+pub fn report_step(monitor: &Callback<'_>, iterations: usize) -> dgpc::Result<()> {
+    match monitor(Progress::Iteration { iterations, change: f64::NAN }) {
+        ControlFlow::Continue(()) => Ok(()),
+        ControlFlow::Break(()) => Err(dgpc::Error::Stopped),
+    }
 }
 
 /// Runs a computation on a thread of its own. Meanwhile the calling thread checks for Ctrl-C, and reports progress.
 ///
 /// `compute` receives the callback for its options. After Ctrl-C, or after an exception of `progress`, the computation
-/// ends with its next iteration.
-pub fn watched<T: Send>(
+/// ends with its next iteration. The caller continues half a second later even if the iteration takes longer.
+pub fn watched<T: Send + 'static>(
     py: Python<'_>,
     progress: Option<&Py<PyAny>>,
-    compute: impl FnOnce(&(dyn Fn(Progress) -> ControlFlow<()> + Sync)) -> dgpc::Result<T> + Send,
+    compute: impl FnOnce(&Callback<'_>) -> dgpc::Result<T> + Send + 'static,
 ) -> PyResult<T> {
-    let (is_stopped, latest) = (AtomicBool::new(false), Mutex::new(Latest::default()));
-    let report = |progress| {
-        locked(&latest).record(progress);
-        if is_stopped.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    let state = Arc::new((AtomicBool::new(false), Mutex::new(Latest::default())));
+    let of_thread = state.clone();
+    let compute = move || {
+        let (is_stopped, latest) = &*of_thread;
+        compute(&|progress| {
+            locked(latest).record(progress);
+            if is_stopped.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        })
     };
+    let (is_stopped, latest) = &*state;
     let mut next = Instant::now() + PROGRESS_AFTER;
     let check = || {
         py.check_signals()?;
         match progress {
             Some(callable) if Instant::now() > next => {
                 next = Instant::now() + PROGRESS_EVERY;
-                locked(&latest).clone().report_to(py, callable)
+                // The lock is free while Python runs, because the computation takes it in each iteration.
+                let seen = locked(latest).clone();
+                seen.report_to(py, callable)
             }
             _ => Ok(()),
         }
     };
     let stop = || is_stopped.store(true, Ordering::Relaxed);
-    let found = signals::watch(py, || on_live_threads(|| compute(&report)), check, stop)?;
+    let found = signals::watch_or_leave(py, || on_live_threads(compute), check, stop)?;
     found.map_err(Error::new_err)??.map_err(failed)
 }
 
@@ -129,7 +158,11 @@ struct Latest {
 impl Latest {
     fn record(&mut self, progress: Progress) {
         match progress {
-            Progress::Iteration { iterations, change } => (self.iterations, self.change) = (iterations, Some(change)),
+            // A step of `report_step` has no change.
+            Progress::Iteration { iterations, change } => {
+                self.iterations = iterations;
+                self.change = Some(change).filter(|change| !change.is_nan());
+            }
             Progress::Evaluation { objective } => {
                 self.evaluations += 1;
                 self.objective = Some(objective);

@@ -7,8 +7,8 @@ use pyo3::prelude::*;
 use super::propagated::Propagated;
 use super::stored::{End, StoredFit};
 use crate::border::{
-    Numbers, Outcomes, Points, Table, Vector, Whole, array, check_memory, decode, encode, indices, reduce, vector,
-    watched, work,
+    Numbers, Outcomes, Points, Table, Vector, Whole, array, check_memory, decode, encode, indices, long_work, reduce,
+    vector, watched, work,
 };
 use crate::posterior::{Parts, Posterior, Sites, Summary, observations, pair, references};
 use crate::prior::Prior;
@@ -17,6 +17,16 @@ use crate::prior::Prior;
 ///
 /// A pickle holds the prior, the events, the tilts, the inducing points and the messages. One iteration computes the
 /// fit again. A dense fit is then equal up to rounding. The tilts of a sparse fit differ by about `change`.
+///
+/// Examples
+/// --------
+///     >>> import dgpc
+///     >>> prior = dgpc.Prior(dgpc.Term("squared-exponential", 1.0, variance=4.0, dimension=1))
+///     >>> fit = dgpc.fit(prior, [[0.0], [1.0], [2.0], [3.0]], [1, 1, 0, 0])
+///     >>> fit.mean.round(1)
+///     array([ 1.5,  0.9, -0.9, -1.5])
+///     >>> len(fit.posterior())
+///     4
 #[pyclass(frozen, module = "dgpc")]
 pub struct Fit {
     fit: dgpc::Fit,
@@ -164,12 +174,13 @@ impl Fit {
     /// summaries : sequence of Summary, optional
     ///     Messages in place of those that the fit was given. An empty list gives the posterior of the events alone.
     #[pyo3(signature = (summaries=None))]
-    fn posterior(&self, py: Python<'_>, summaries: Option<Vec<Py<Summary>>>) -> PyResult<Posterior> {
-        let summaries = self.messages_or(summaries.as_deref());
-        let rows = self.rows(&summaries);
+    fn posterior(slf: Py<Self>, py: Python<'_>, summaries: Option<Vec<Py<Summary>>>) -> PyResult<Posterior> {
+        let rows = slf.get().rows(&slf.get().messages_or(summaries.as_deref()));
         check_memory(&[3, rows, rows])?;
-        let events: Vec<usize> = (0..self.fit.sites().len()).collect();
-        work(py, || self.posterior_of(&events, &summaries))
+        long_work(py, move || {
+            let (this, events) = (slf.get(), (0..slf.get().fit.sites().len()).collect::<Vec<_>>());
+            this.posterior_of(&events, &this.messages_or(summaries.as_deref()))
+        })
     }
 
     /// Returns the posterior of some of the events, and of messages. The sites stay those of the whole fit.
@@ -181,11 +192,16 @@ impl Fit {
     /// summaries : sequence of Summary, optional
     ///     The messages of other agents. Those that the fit was given do not count by themselves.
     #[pyo3(signature = (events, summaries=vec![]), text_signature = "($self, events, summaries=())")]
-    fn posterior_of_part(&self, py: Python<'_>, events: Whole, summaries: Vec<Py<Summary>>) -> PyResult<Posterior> {
-        let (events, summaries) = (indices(events, self.fit.sites().len())?, references(&summaries));
-        let rows = self.rows(&summaries).max(events.len());
+    fn posterior_of_part(
+        slf: Py<Self>,
+        py: Python<'_>,
+        events: Whole,
+        summaries: Vec<Py<Summary>>,
+    ) -> PyResult<Posterior> {
+        let events = indices(events, slf.get().fit.sites().len())?;
+        let rows = slf.get().rows(&references(&summaries)).max(events.len());
         check_memory(&[3, rows, rows])?;
-        work(py, || self.posterior_of(&events, &summaries))
+        long_work(py, move || slf.get().posterior_of(&events, &references(&summaries)))
     }
 
     /// Returns a sparse fit without some events and with new ones, or `None` for a dense fit.
@@ -200,16 +216,19 @@ impl Fit {
     ///     The new events.
     #[pyo3(signature = (removed, x, y, weights=None))]
     fn amended(
-        &self,
+        slf: Py<Self>,
         py: Python<'_>,
         removed: Whole,
         x: Points,
         y: Outcomes,
         weights: Option<Numbers>,
     ) -> PyResult<Option<Self>> {
-        let (removed, new) = (indices(removed, self.fit.sites().len())?, observations(x, y, weights)?);
-        let amended = work(py, || self.fit.amended(&removed, &new))?;
-        Ok(amended.map(|fit| Self { end: End::of(&fit), fit, messages: self.messages.clone(), is_amended: true }))
+        let (removed, new) = (indices(removed, slf.get().fit.sites().len())?, observations(x, y, weights)?);
+        long_work(py, move || {
+            let amended = slf.get().fit.amended(&removed, &new)?;
+            let messages = slf.get().messages.clone();
+            Ok(amended.map(|fit| Self { end: End::of(&fit), fit, messages, is_amended: true }))
+        })
     }
 
     /// Returns the mean and the variance at points that are events of this dense fit, without solving anything.
@@ -225,12 +244,21 @@ impl Fit {
     /// ----------
     /// summaries : sequence of Summary, optional
     ///     Messages in place of those that the fit was given. An empty list runs without messages.
-    #[pyo3(signature = (summaries=None))]
-    fn propagated(&self, py: Python<'_>, summaries: Option<Vec<Py<Summary>>>) -> PyResult<Propagated> {
-        let summaries = self.messages_or(summaries.as_deref());
-        let rows = self.rows(&summaries);
+    /// progress : callable, optional
+    ///     Receives a dictionary with the progress about twice a second, from two seconds on.
+    #[pyo3(signature = (summaries=None, *, progress=None))]
+    fn propagated(
+        slf: Py<Self>,
+        py: Python<'_>,
+        summaries: Option<Vec<Py<Summary>>>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Propagated> {
+        let rows = slf.get().rows(&slf.get().messages_or(summaries.as_deref()));
         check_memory(&[4, rows, rows])?;
-        watched(py, None, |monitor| Propagated::of(&self.fit, &summaries, Monitor::new(monitor)))
+        watched(py, progress.as_ref(), move |monitor| {
+            let this = slf.get();
+            Propagated::of(&this.fit, &this.messages_or(summaries.as_deref()), Monitor::new(monitor))
+        })
     }
 
     /// Returns the fit of the bytes. Damaged and newer bytes raise a `ValueError`.
@@ -238,7 +266,7 @@ impl Fit {
     fn from_bytes(py: Python<'_>, data: &[u8]) -> PyResult<Self> {
         let stored: StoredFit = decode(data)?;
         check_memory(&[4, stored.rows(), stored.rows()])?;
-        let fit = work(py, || stored.fit())?;
+        let (fit, stored) = long_work(py, move || Ok((stored.fit()?, stored)))?;
         Ok(Self { fit, messages: stored.messages, end: stored.end, is_amended: false })
     }
 

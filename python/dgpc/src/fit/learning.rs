@@ -10,6 +10,17 @@ use crate::posterior::{Summary, copies, observations};
 use crate::prior::Prior;
 
 /// A learned prior, the fit of all events under it, and a report of the search. `learn` returns it.
+///
+/// Examples
+/// --------
+///     >>> import dgpc, numpy as np
+///     >>> x = np.linspace(-3, 3, 60)[:, None]
+///     >>> template = dgpc.Prior(dgpc.Term("matern52", 1.0, variance=4.0, dimension=1))
+///     >>> learned = dgpc.learn(template, x, abs(x[:, 0]) < 2)
+///     >>> learned.stop, learned.calibration
+///     ('converged', 'found')
+///     >>> learned.fit.posterior().probability([[0.0]]) > 0.9
+///     array([ True])
 #[pyclass(frozen, get_all, module = "dgpc")]
 pub struct Learned {
     /// The learned prior: the optimum with calibrated variances.
@@ -173,8 +184,8 @@ pub fn learn(
         calibrate,
         progress,
     };
-    let (learned, messages) = with_learn_options(py, &events, arguments, |options| {
-        dgpc::learn(&template.0, &events, options).map(|learned| (learned, copies(options.messages)))
+    let (learned, messages) = with_learn_options(py, &template.0, events, arguments, |template, events, options| {
+        dgpc::learn(template, events, options).map(|learned| (learned, copies(options.messages)))
     })?;
     Learned::new(py, learned, messages)
 }

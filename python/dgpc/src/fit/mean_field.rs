@@ -74,10 +74,10 @@ pub fn fit(
     start: Option<Numbers>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Fit> {
-    let (prior, events) = (&prior.0, observations(x, y, weights)?);
+    let events = observations(x, y, weights)?;
     let arguments = FitArguments { inducing_points, messages, tolerance, iterations_max, start, progress };
-    with_fit_options(py, prior, &events, arguments, |options| {
-        dgpc::fit(prior, &events, options).map(|fit| Fit::new(fit, copies(options.messages)))
+    with_fit_options(py, &prior.0, events, arguments, |prior, events, options| {
+        dgpc::fit(prior, events, options).map(|fit| Fit::new(fit, copies(options.messages)))
     })
 }
 
@@ -118,10 +118,10 @@ pub fn evidence<'py>(
     start: Option<Numbers>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(Fit, Vector<'py>)> {
-    let (prior, events) = (&prior.0, observations(x, y, weights)?);
+    let events = observations(x, y, weights)?;
     let arguments = FitArguments { inducing_points, messages, tolerance, iterations_max, start, progress };
-    let (fit, gradient) = with_fit_options(py, prior, &events, arguments, |options| {
-        dgpc::evidence(prior, &events, options)
+    let (fit, gradient) = with_fit_options(py, &prior.0, events, arguments, |prior, events, options| {
+        dgpc::evidence(prior, events, options)
             .map(|found| (Fit::new(found.fit, copies(options.messages)), found.gradient))
     })?;
     Ok((fit, vector(py, gradient)))

@@ -5,7 +5,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyMapping;
 
-use crate::border::{Count, Numbers, Points, check_memory, watched, work};
+use crate::border::{Count, Numbers, Points, check_memory, long_work, watched};
 use crate::posterior::{Summary, references};
 use crate::prior::Prior;
 use crate::selection::greedy;
@@ -34,16 +34,17 @@ pub struct FitArguments {
     pub progress: Option<Py<PyAny>>,
 }
 
-/// Runs `compute` with the options of a fit, without the interpreter's lock.
-pub fn with_fit_options<T: Send>(
+/// Runs `compute` with the prior, the events and the options of a fit, without the interpreter's lock.
+pub fn with_fit_options<T: Send + 'static>(
     py: Python<'_>,
     prior: &dgpc::Prior,
-    observations: &Observations,
+    observations: Observations,
     arguments: FitArguments,
-    compute: impl FnOnce(&FitOptions<'_>) -> dgpc::Result<T> + Send,
+    compute: impl FnOnce(&dgpc::Prior, &Observations, &FitOptions<'_>) -> dgpc::Result<T> + Send + 'static,
 ) -> PyResult<T> {
-    let inputs = observations.inputs();
-    let points = match arguments.inducing_points {
+    let (prior, inputs) = (prior.clone(), observations.inputs());
+    let FitArguments { inducing_points, messages, tolerance, iterations_max, start, progress } = arguments;
+    let points = match inducing_points {
         None => None,
         Some(InducingPoints::Points(points)) => Some(points.0),
         Some(InducingPoints::Number(Count(0))) => {
@@ -52,20 +53,21 @@ pub fn with_fit_options<T: Send>(
         Some(InducingPoints::Number(Count(count))) => {
             let candidates = count.saturating_mul(4).min(inputs.len());
             check_memory(&[2, candidates, candidates])?;
-            Some(work(py, || greedy(prior.kernel(), inputs, count))?)
+            let (kernel, inputs) = (prior.kernel().clone(), inputs.clone());
+            Some(long_work(py, move || greedy(&kernel, &inputs, count))?)
         }
     };
-    let messages = references(&arguments.messages);
-    check_memory_of_fit(observations, &messages, points.as_ref().map(dgpc::Inputs::len))?;
-    watched(py, arguments.progress.as_ref(), |monitor| {
+    check_memory_of_fit(&observations, &references(&messages), points.as_ref().map(dgpc::Inputs::len))?;
+    watched(py, progress.as_ref(), move |monitor| {
+        let messages = references(&messages);
         let mut options = FitOptions::default()
             .messages(&messages)
             .monitor(monitor)
-            .tolerance(arguments.tolerance)
-            .iterations_max(arguments.iterations_max.0);
+            .tolerance(tolerance)
+            .iterations_max(iterations_max.0);
         options.inducing_points = points.as_ref();
-        options.start = arguments.start.as_ref().map(|start| start.0.as_slice());
-        compute(&options)
+        options.start = start.as_ref().map(|start| start.0.as_slice());
+        compute(&prior, &observations, &options)
     })
 }
 
@@ -123,22 +125,25 @@ impl<'py> FromPyObject<'_, 'py> for Limits {
     }
 }
 
-/// Runs `compute` with the options of learning, without the interpreter's lock.
-pub fn with_learn_options<T: Send>(
+/// Runs `compute` with the template, the events and the options of learning, without the interpreter's lock.
+pub fn with_learn_options<T: Send + 'static>(
     py: Python<'_>,
-    observations: &Observations,
-    arguments: LearnArguments,
-    compute: impl FnOnce(&LearnOptions<'_>) -> dgpc::Result<T> + Send,
+    template: &dgpc::Prior,
+    observations: Observations,
+    mut arguments: LearnArguments,
+    compute: impl FnOnce(&dgpc::Prior, &Observations, &LearnOptions<'_>) -> dgpc::Result<T> + Send + 'static,
 ) -> PyResult<T> {
-    let hyper_prior = hyper_prior(&arguments.hyper_prior)?;
-    let messages = references(&arguments.messages);
+    let (template, hyper_prior) = (template.clone(), hyper_prior(&arguments.hyper_prior)?);
     let further: Vec<dgpc::Prior> = arguments.further_starts.iter().map(|start| start.get().0.clone()).collect();
-    let points = arguments.inducing_points.as_ref().map(|points| &points.0);
+    let points = arguments.inducing_points.take().map(|points| points.0);
     let is_sparse = observations.len() > arguments.dense_events_max.0;
     let chosen = is_sparse.then_some(arguments.inducing_points_max.0.min(observations.len()));
-    check_memory_of_fit(observations, &messages, points.map(dgpc::Inputs::len).or(chosen))?;
+    let size = points.as_ref().map(dgpc::Inputs::len).or(chosen);
+    check_memory_of_fit(&observations, &references(&arguments.messages), size)?;
     let bounds: Vec<Bounds> = arguments.bounds.iter().map(|limits| limits.0).collect();
-    watched(py, arguments.progress.as_ref(), |monitor| {
+    let progress = arguments.progress.take();
+    watched(py, progress.as_ref(), move |monitor| {
+        let messages = references(&arguments.messages);
         let mut options = LearnOptions::default()
             .messages(&messages)
             .monitor(monitor)
@@ -152,10 +157,10 @@ pub fn with_learn_options<T: Send>(
             .iterations_max(arguments.iterations_max.0)
             .tolerance(arguments.tolerance)
             .calibrate(arguments.calibrate);
-        options.inducing_points = points;
+        options.inducing_points = points.as_ref();
         options.warm_start = arguments.warm_start.as_ref().map(|start| &start.get().0);
         options.tilts = arguments.start.as_ref().map(|start| start.0.as_slice());
-        compute(&options)
+        compute(&template, &observations, &options)
     })
 }
 

@@ -3,10 +3,21 @@
 use dgpc::{Inputs, Monitor};
 use pyo3::prelude::*;
 
-use crate::border::work;
+use crate::border::long_work;
 use crate::posterior::{Parts, Posterior, Sites, copies};
 
 /// The result of expectation propagation. `Fit.propagated` returns it.
+///
+/// Examples
+/// --------
+///     >>> import dgpc
+///     >>> prior = dgpc.Prior(dgpc.Term("squared-exponential", 1.0, variance=4.0, dimension=1))
+///     >>> fit = dgpc.fit(prior, [[0.0], [1.0], [2.0], [3.0]], [1, 1, 0, 0])
+///     >>> propagated = fit.propagated()
+///     >>> propagated.converged
+///     True
+///     >>> propagated.posterior().probability([[0.5], [2.5]]).round(2)
+///     array([0.76, 0.24])
 #[pyclass(frozen, module = "dgpc")]
 pub struct Propagated {
     propagated: dgpc::Propagated,
@@ -30,14 +41,15 @@ impl Propagated {
 #[pymethods]
 impl Propagated {
     /// Returns the posterior.
-    fn posterior(&self, py: Python<'_>) -> PyResult<Posterior> {
-        work(py, || {
-            let sites = self.propagated.sites();
-            let condense = |points| dgpc::Summary::variational(&self.prior, sites, points);
-            let condensed = self.inducing_points.as_ref().map(condense).transpose()?;
+    fn posterior(slf: Py<Self>, py: Python<'_>) -> PyResult<Posterior> {
+        long_work(py, move || {
+            let this = slf.get();
+            let sites = this.propagated.sites();
+            let condense = |points| dgpc::Summary::variational(&this.prior, sites, points);
+            let condensed = this.inducing_points.as_ref().map(condense).transpose()?;
             let kept = if condensed.is_some() { sites.select(&[]) } else { sites.clone() };
-            let messages: Vec<_> = self.messages.iter().collect();
-            Posterior::of(Parts::of_fit(&self.prior, kept, condensed, &messages)?)
+            let messages: Vec<_> = this.messages.iter().collect();
+            Posterior::of(Parts::of_fit(&this.prior, kept, condensed, &messages)?)
         })
     }
 

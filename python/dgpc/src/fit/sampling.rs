@@ -5,7 +5,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::border::{Count, Numbers, Outcomes, Points, check_memory, generator, interruptible, work};
+use crate::border::{Count, Numbers, Outcomes, Points, check_memory, generator, long_work, report_step, watched};
 use crate::posterior::observations;
 use crate::prior::Prior;
 
@@ -29,6 +29,8 @@ use crate::prior::Prior;
 ///     Number of sweeps before the first draw.
 /// weights : array of shape (N,), optional
 ///     Whole numbers up to a million.
+/// progress : callable, optional
+///     Receives a dictionary with the number of sweeps, `"iterations"`, about twice a second, from two seconds on.
 ///
 /// Returns
 /// -------
@@ -43,8 +45,9 @@ use crate::prior::Prior;
 ///     >>> draws["f"].shape
 ///     (2, 50, 2)
 #[pyfunction]
-#[pyo3(signature = (prior, x, y, draws, *, seed, chains=Count(1), warm_up=Count(100), weights=None),
-       text_signature = "(prior, x, y, draws, *, seed, chains=1, warm_up=100, weights=None)")]
+#[pyo3(signature = (prior, x, y, draws, *, seed, chains=Count(1), warm_up=Count(100), weights=None,
+                    progress=None),
+       text_signature = "(prior, x, y, draws, *, seed, chains=1, warm_up=100, weights=None, progress=None)")]
 #[expect(clippy::too_many_arguments)]
 pub fn gibbs<'py>(
     py: Python<'py>,
@@ -56,25 +59,30 @@ pub fn gibbs<'py>(
     chains: Count,
     warm_up: Count,
     weights: Option<Numbers>,
+    progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let events = observations(x, y, weights)?;
     let (Count(draws), Count(chains), Count(warm_up), size) = (draws, chains, warm_up, events.len());
     let sweeps = warm_up.checked_add(draws).ok_or_else(|| PyValueError::new_err("too many sweeps"))?;
     check_memory(&[5, size, size])?;
     check_memory(&[2, chains, draws, size])?;
-    let (mut latent, mut omega) = (Vec::new(), Vec::new());
-    for chain in 0..chains {
-        let mut sampler = work(py, || dgpc::Gibbs::new(&prior.0, events.clone()))?;
-        let mut generator = generator(seed, chain);
-        interruptible(py, sweeps, |sweep| {
-            sampler.sweep(&mut generator)?;
-            if sweep >= warm_up {
-                latent.extend_from_slice(sampler.latent());
-                omega.extend_from_slice(sampler.omega());
+    let prior = prior.0.clone();
+    let (latent, omega) = watched(py, progress.as_ref(), move |monitor| {
+        let (mut latent, mut omega) = (Vec::new(), Vec::new());
+        for chain in 0..chains {
+            let mut sampler = dgpc::Gibbs::new(&prior, events.clone())?;
+            let mut generator = generator(seed, chain);
+            for sweep in 0..sweeps {
+                sampler.sweep(&mut generator)?;
+                if sweep >= warm_up {
+                    latent.extend_from_slice(sampler.latent());
+                    omega.extend_from_slice(sampler.omega());
+                }
+                report_step(monitor, chain * sweeps + sweep + 1)?;
             }
-            Ok(())
-        })?;
-    }
+        }
+        Ok((latent, omega))
+    })?;
     let shaped = |values| -> PyResult<Bound<'py, PyArray3<f64>>> {
         PyArray1::from_vec(py, values).reshape([chains, draws, size])
     };
@@ -97,5 +105,5 @@ pub fn gibbs<'py>(
 ///     True
 #[pyfunction]
 pub fn effective_sample_size(py: Python<'_>, draws: Numbers) -> PyResult<f64> {
-    work(py, || Ok(dgpc::effective_sample_size(&draws.0)))
+    long_work(py, move || Ok(dgpc::effective_sample_size(&draws.0)))
 }

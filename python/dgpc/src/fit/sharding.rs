@@ -29,6 +29,15 @@ use crate::prior::Prior;
 ///     Weights of the events, positive.
 /// covariances_max : int, optional
 ///     Largest number of covariances that the shard keeps in memory, 8 bytes each.
+///
+/// Examples
+/// --------
+///     >>> import dgpc
+///     >>> prior = dgpc.Prior(dgpc.Term("squared-exponential", 1.0, variance=4.0, dimension=1))
+///     >>> fit = dgpc.ShardedFit(prior, [[0.0], [1.5], [3.0]])
+///     >>> shard = dgpc.Shard(prior, [[0.0], [1.0]], [1, 1], fit.inducing_points)
+///     >>> shard.contribute(fit.request()).dtype
+///     dtype('float64')
 #[pyclass(frozen, module = "dgpc")]
 pub struct Shard(Mutex<dgpc::Shard<'static>>);
 
@@ -96,6 +105,18 @@ impl Shard {
 ///     The fit stops when no tilt changes by more than this in one iteration.
 /// iterations_max : int, optional
 ///     The fit stops after this number of iterations even without convergence.
+///
+/// Examples
+/// --------
+///     >>> import dgpc
+///     >>> prior = dgpc.Prior(dgpc.Term("squared-exponential", 1.0, variance=4.0, dimension=1))
+///     >>> fit = dgpc.ShardedFit(prior, [[0.0], [1.5], [3.0]])
+///     >>> events = ([[0.0], [1.0]], [1, 1]), ([[2.0], [3.0]], [0, 0])
+///     >>> shards = [dgpc.Shard(prior, x, y, fit.inducing_points) for x, y in events]
+///     >>> while (request := fit.request()) is not None:
+///     ...     fit.absorb([shard.contribute(request) for shard in shards])
+///     >>> fit.summary()
+///     Summary at 3 inducing points
 #[pyclass(frozen, module = "dgpc")]
 pub struct ShardedFit {
     fit: Mutex<dgpc::ShardedFit>,

@@ -10,8 +10,8 @@ use super::shift::Shift;
 use super::sites::{Sites, observations};
 use super::summary::{Summary, references};
 use crate::border::{
-    Count, Deviation, Numbers, Outcomes, Points, Table, Vector, check_memory, decode, encode, generator, matrix,
-    predicted, reduce, vector, work,
+    Count, Deviation, Numbers, Outcomes, Points, Table, Vector, check_memory, decode, encode, generator, long_work,
+    matrix, predicted, reduce, vector,
 };
 use crate::prior::Prior;
 
@@ -58,23 +58,25 @@ impl Posterior {
     }
 
     /// Returns the mean and the variance at every point.
-    fn predicted(&self, py: Python<'_>, inputs: &dgpc::Inputs) -> PyResult<dgpc::Latent> {
-        let rows = self.posterior.len();
-        predicted(py, inputs, rows * rows, |part| self.posterior.latent(part))
+    fn predicted(this: Py<Self>, py: Python<'_>, x: Points) -> PyResult<dgpc::Latent> {
+        let rows = this.get().posterior.len();
+        predicted(py, x.0, rows * rows, move |part| this.get().posterior.latent(part))
     }
 
-    /// Returns the posterior that `absorb` made from a copy of this posterior and of its parts.
-    fn changed(
-        &self,
+    /// Returns the posterior that `absorb` made from a copy of `this` posterior and of its parts, and the result of
+    /// `absorb`.
+    fn changed<T: Send + 'static>(
+        this: Py<Self>,
         py: Python<'_>,
         new_rows: usize,
-        absorb: impl FnOnce(&mut dgpc::Posterior, &mut Parts) -> dgpc::Result<()> + Send,
-    ) -> PyResult<Self> {
-        let rows = self.posterior.len() + new_rows;
+        absorb: impl FnOnce(&mut dgpc::Posterior, &mut Parts) -> dgpc::Result<T> + Send + 'static,
+    ) -> PyResult<(Self, T)> {
+        let rows = this.get().posterior.len() + new_rows;
         check_memory(&[2, rows, rows])?;
-        work(py, || {
-            let (mut posterior, mut parts) = (self.posterior.clone(), self.parts.clone());
-            absorb(&mut posterior, &mut parts).map(|()| Self { posterior, parts })
+        long_work(py, move || {
+            let Self { posterior, parts } = this.get();
+            let (mut posterior, mut parts) = (posterior.clone(), parts.clone());
+            absorb(&mut posterior, &mut parts).map(|found| (Self { posterior, parts }, found))
         })
     }
 }
@@ -92,6 +94,9 @@ impl Posterior {
         dimension: Option<Count>,
     ) -> PyResult<Self> {
         let summaries = references(&summaries);
+        if let Some(Count(0)) = dimension {
+            return Err(PyValueError::new_err("dimension must be at least 1"));
+        }
         let of_summaries = summaries.first().map(|summary| summary.inducing_points().dimension());
         let dimension = dimension.map(|Count(dimension)| dimension).or(of_summaries);
         let found = sites.map(|sites| sites.0.inputs().dimension());
@@ -103,7 +108,7 @@ impl Posterior {
         let nothing = dgpc::Sites::empty(dimension.unwrap_or(1));
         let parts = Parts::new(&prior.0, sites.map_or(&nothing, |sites| &sites.0), &summaries);
         parts.check_memory()?;
-        work(py, || Self::of(parts))
+        long_work(py, move || Self::of(parts))
     }
 
     /// Returns the posterior of the bytes. Damaged and newer bytes raise a `ValueError`. O(n³).
@@ -111,7 +116,7 @@ impl Posterior {
     fn from_bytes(py: Python<'_>, data: &[u8]) -> PyResult<Self> {
         let parts: Parts = decode(data)?;
         parts.check_memory()?;
-        work(py, || Self::of(parts))
+        long_work(py, move || Self::of(parts))
     }
 
     /// Returns the prior, the sites and the summaries as bytes with a version and a checksum.
@@ -137,8 +142,8 @@ impl Posterior {
     /// mean : array of shape (N,)
     ///     Log-odds of success.
     /// variance : array of shape (N,)
-    fn latent<'py>(&self, py: Python<'py>, x: Points) -> PyResult<(Vector<'py>, Vector<'py>)> {
-        Ok(pair(py, self.predicted(py, &x.0)?))
+    fn latent(slf: Py<Self>, py: Python<'_>, x: Points) -> PyResult<(Vector<'_>, Vector<'_>)> {
+        Ok(pair(py, Self::predicted(slf, py, x)?))
     }
 
     /// Returns the probability of success at every point, averaged over the latent function.
@@ -150,8 +155,8 @@ impl Posterior {
     /// Returns
     /// -------
     /// array of shape (N,)
-    fn probability<'py>(&self, py: Python<'py>, x: Points) -> PyResult<Vector<'py>> {
-        Ok(vector(py, self.predicted(py, &x.0)?.probability()))
+    fn probability(slf: Py<Self>, py: Python<'_>, x: Points) -> PyResult<Vector<'_>> {
+        Ok(vector(py, Self::predicted(slf, py, x)?.probability()))
     }
 
     /// Returns the joint mean and covariance of the latent function at the points.
@@ -160,9 +165,9 @@ impl Posterior {
     /// -------
     /// mean : array of shape (N,)
     /// covariance : array of shape (N, N)
-    fn joint<'py>(&self, py: Python<'py>, x: Points) -> PyResult<(Vector<'py>, Table<'py>)> {
-        check_memory(&[x.0.len(), x.0.len() + self.posterior.len()])?;
-        let (mean, covariance) = work(py, || self.posterior.joint(&x.0))?;
+    fn joint(slf: Py<Self>, py: Python<'_>, x: Points) -> PyResult<(Vector<'_>, Table<'_>)> {
+        check_memory(&[x.0.len(), x.0.len() + slf.get().posterior.len()])?;
+        let (mean, covariance) = long_work(py, move || slf.get().posterior.joint(&x.0))?;
         Ok((vector(py, mean), matrix(py, &covariance)?))
     }
 
@@ -180,13 +185,13 @@ impl Posterior {
     /// -------
     /// array of shape (count, N)
     #[pyo3(signature = (x, count, *, seed))]
-    fn draws<'py>(&self, py: Python<'py>, x: Points, count: Count, seed: Count) -> PyResult<Table<'py>> {
-        check_memory(&[x.0.len(), x.0.len() + self.posterior.len()])?;
+    fn draws(slf: Py<Self>, py: Python<'_>, x: Points, count: Count, seed: Count) -> PyResult<Table<'_>> {
+        check_memory(&[x.0.len(), x.0.len() + slf.get().posterior.len()])?;
         check_memory(&[3, x.0.len(), count.0])?;
-        let draws = work(py, || {
+        let draws = long_work(py, move || {
             let mut generator = generator(seed, 0);
             let normals = Matrix::from_fn(x.0.len(), count.0, |_, _| StandardNormal.sample(&mut generator));
-            self.posterior.draws(&x.0, &normals).map(|(draws, _)| draws.transposed())
+            slf.get().posterior.draws(&x.0, &normals).map(|(draws, _)| draws.transposed())
         })?;
         matrix(py, &draws)
     }
@@ -196,33 +201,36 @@ impl Posterior {
     /// Parameters
     /// ----------
     /// points : array of shape (M, d)
-    fn summarise(&self, py: Python<'_>, points: Points) -> PyResult<Summary> {
-        check_memory(&[points.0.len(), points.0.len() + self.posterior.len()])?;
-        work(py, || self.posterior.summarise(&points.0).map(Summary))
+    fn summarise(slf: Py<Self>, py: Python<'_>, points: Points) -> PyResult<Summary> {
+        check_memory(&[points.0.len(), points.0.len() + slf.get().posterior.len()])?;
+        long_work(py, move || slf.get().posterior.summarise(&points.0).map(Summary))
     }
 
     /// Returns the message at inducing points that a receiver lacks if it holds the posterior `known`.
-    fn residual(&self, py: Python<'_>, known: &Self, points: Points) -> PyResult<Summary> {
-        check_memory(&[points.0.len(), points.0.len() + self.posterior.len().max(known.posterior.len())])?;
-        work(py, || self.posterior.residual(&known.posterior, &points.0).map(Summary))
+    fn residual(slf: Py<Self>, py: Python<'_>, known: Py<Self>, points: Points) -> PyResult<Summary> {
+        let rows = slf.get().posterior.len().max(known.get().posterior.len());
+        check_memory(&[points.0.len(), points.0.len() + rows])?;
+        long_work(py, move || slf.get().posterior.residual(&known.get().posterior, &points.0).map(Summary))
     }
 
     /// Returns the posterior with more events. The existing sites stay as they are. O(n²m) for m events.
-    fn absorb_events(&self, py: Python<'_>, sites: &Sites) -> PyResult<Self> {
-        self.changed(py, sites.0.len(), |posterior, parts| {
-            posterior.absorb_events(&sites.0)?;
-            parts.absorb_events(&sites.0)
-        })
+    fn absorb_events(slf: Py<Self>, py: Python<'_>, sites: Py<Sites>) -> PyResult<Self> {
+        let changed = Self::changed(slf, py, sites.get().0.len(), move |posterior, parts| {
+            posterior.absorb_events(&sites.get().0)?;
+            parts.absorb_events(&sites.get().0)
+        });
+        changed.map(|(posterior, ())| posterior)
     }
 
     /// Returns the posterior with more summaries, formed under its prior.
-    fn absorb_summaries(&self, py: Python<'_>, summaries: Vec<Py<Summary>>) -> PyResult<Self> {
-        let summaries = references(&summaries);
-        let rows = summaries.iter().map(|summary| summary.len()).sum();
-        self.changed(py, rows, |posterior, parts| {
+    fn absorb_summaries(slf: Py<Self>, py: Python<'_>, summaries: Vec<Py<Summary>>) -> PyResult<Self> {
+        let rows = references(&summaries).iter().map(|summary| summary.len()).sum();
+        let changed = Self::changed(slf, py, rows, move |posterior, parts| {
+            let summaries = references(&summaries);
             parts.absorb_summaries(&summaries);
             posterior.absorb_summaries(&summaries)
-        })
+        });
+        changed.map(|(posterior, ())| posterior)
     }
 
     /// Returns the posterior with more events whose ω is not known yet, and their sites.
@@ -235,37 +243,34 @@ impl Posterior {
     /// sites : Sites
     #[pyo3(signature = (x, y, weights=None))]
     fn absorb_observations(
-        &self,
+        slf: Py<Self>,
         py: Python<'_>,
         x: Points,
         y: Outcomes,
         weights: Option<Numbers>,
     ) -> PyResult<(Self, Sites)> {
-        let (new, mut sites) = (observations(x, y, weights)?, None);
-        let posterior = self.changed(py, new.len(), |posterior, parts| {
-            parts.absorb_events(sites.insert(dgpc::absorb_observations(posterior, &new)?))
-        })?;
-        let sites = sites.unwrap_or_else(|| dgpc::Sites::empty(new.inputs().dimension()));
-        Ok((posterior, Sites(sites)))
+        let new = observations(x, y, weights)?;
+        Self::changed(slf, py, new.len(), move |posterior, parts| {
+            let sites = dgpc::absorb_observations(posterior, &new)?;
+            parts.absorb_events(&sites).map(|()| Sites(sites))
+        })
     }
 
     /// Returns the sites of more events given this posterior, each on its own.
     #[pyo3(signature = (x, y, weights=None))]
-    fn sites_given(&self, py: Python<'_>, x: Points, y: Outcomes, weights: Option<Numbers>) -> PyResult<Sites> {
+    fn sites_given(slf: Py<Self>, py: Python<'_>, x: Points, y: Outcomes, weights: Option<Numbers>) -> PyResult<Sites> {
         let new = observations(x, y, weights)?;
-        work(py, || dgpc::sites_given(&self.posterior, &new).map(Sites))
+        long_work(py, move || dgpc::sites_given(&slf.get().posterior, &new).map(Sites))
     }
 
     /// Returns the shift that summaries would cause. The posterior must not hold them yet.
-    fn shift_by(&self, py: Python<'_>, summaries: Vec<Py<Summary>>) -> PyResult<Shift> {
-        let summaries = references(&summaries);
-        work(py, || self.posterior.shift_by(&summaries).map(Shift))
+    fn shift_by(slf: Py<Self>, py: Python<'_>, summaries: Vec<Py<Summary>>) -> PyResult<Shift> {
+        long_work(py, move || slf.get().posterior.shift_by(&references(&summaries)).map(Shift))
     }
 
     /// Returns the shift that summaries have caused. The posterior must hold them.
-    fn shift_of(&self, py: Python<'_>, summaries: Vec<Py<Summary>>) -> PyResult<Shift> {
-        let summaries = references(&summaries);
-        work(py, || self.posterior.shift_of(&summaries).map(Shift))
+    fn shift_of(slf: Py<Self>, py: Python<'_>, summaries: Vec<Py<Summary>>) -> PyResult<Shift> {
+        long_work(py, move || slf.get().posterior.shift_of(&references(&summaries)).map(Shift))
     }
 
     /// Returns how strongly outcomes contradict this posterior, in standard deviations. It must not hold them.
@@ -277,10 +282,10 @@ impl Posterior {
     /// offset_sd : float, optional
     ///     Standard deviation of a common offset of the latent function that is no contradiction.
     #[pyo3(signature = (x, y, *, offset_sd=Deviation(0.0)), text_signature = "($self, x, y, *, offset_sd=0.0)")]
-    fn contradiction(&self, py: Python<'_>, x: Points, y: Outcomes, offset_sd: Deviation) -> PyResult<f64> {
+    fn contradiction(slf: Py<Self>, py: Python<'_>, x: Points, y: Outcomes, offset_sd: Deviation) -> PyResult<f64> {
         check_memory(&[4, x.0.len(), x.0.len()])?;
         let reported = observations(x, y, None)?;
-        work(py, || self.posterior.contradiction(&reported, offset_sd.0))
+        long_work(py, move || slf.get().posterior.contradiction(&reported, offset_sd.0))
     }
 
     /// The prior of the posterior.

@@ -5,6 +5,16 @@ use pyo3::prelude::*;
 use crate::border::{Deviation, Table, Vector, matrix, vector};
 
 /// The shift of the latent function by summaries, and the uncertainty without them. `Posterior.shift_by` returns it.
+///
+/// Examples
+/// --------
+///     >>> import dgpc
+///     >>> prior = dgpc.Prior(dgpc.Term("squared-exponential", 1.0, variance=4.0, dimension=1))
+///     >>> own = dgpc.fit(prior, [[0.0], [0.2], [0.4]], [1, 1, 1])
+///     >>> other = dgpc.fit(prior, [[0.0], [0.2], [0.4]], [0, 0, 0])
+///     >>> message = dgpc.Summary.marginal(prior, other.sites, [[0.2]])
+///     >>> own.posterior().shift_by([message]).largest() > 1
+///     True
 #[pyclass(frozen, module = "dgpc")]
 pub struct Shift(pub dgpc::Shift);
 

@@ -4,8 +4,8 @@ use pyo3::prelude::*;
 
 use super::sites::Sites;
 use crate::border::{
-    Numbers, Points, Share, Square, Table, Vector, array, bad_input, check_memory, decode, encode, matrix, reduce,
-    vector, work,
+    Numbers, Points, Share, Square, Table, Vector, array, bad_input, check_memory, decode, encode, long_work, matrix,
+    reduce, vector,
 };
 use crate::prior::Prior;
 
@@ -44,10 +44,10 @@ impl Summary {
     fn changed(
         &self,
         py: Python<'_>,
-        change: impl FnOnce(&mut dgpc::Summary) -> dgpc::Result<()> + Send,
+        change: impl FnOnce(&mut dgpc::Summary) -> dgpc::Result<()> + Send + 'static,
     ) -> PyResult<Self> {
         let mut summary = self.0.clone();
-        work(py, || change(&mut summary).map(|()| Self(summary)))
+        long_work(py, move || change(&mut summary).map(|()| Self(summary)))
     }
 }
 
@@ -61,9 +61,9 @@ impl Summary {
     /// points : array of shape (M, d)
     ///     The inducing points.
     #[staticmethod]
-    fn empty(py: Python<'_>, prior: &Prior, points: Points) -> PyResult<Self> {
+    fn empty(py: Python<'_>, prior: Py<Prior>, points: Points) -> PyResult<Self> {
         check_memory(&[points.0.len(), points.0.len()])?;
-        work(py, || dgpc::Summary::empty(&prior.0, &points.0).map(Self))
+        long_work(py, move || dgpc::Summary::empty(&prior.get().0, &points.0).map(Self))
     }
 
     /// Returns the exact message of events about the latent function at the inducing points.
@@ -78,18 +78,18 @@ impl Summary {
     /// points : array of shape (M, d)
     ///     The inducing points.
     #[staticmethod]
-    fn marginal(py: Python<'_>, prior: &Prior, sites: &Sites, points: Points) -> PyResult<Self> {
-        check_memory(&[2, sites.0.len(), sites.0.len()])?;
-        work(py, || dgpc::Summary::marginal(&prior.0, &sites.0, &points.0).map(Self))
+    fn marginal(py: Python<'_>, prior: Py<Prior>, sites: Py<Sites>, points: Points) -> PyResult<Self> {
+        check_memory(&[2, sites.get().0.len(), sites.get().0.len()])?;
+        long_work(py, move || dgpc::Summary::marginal(&prior.get().0, &sites.get().0, &points.0).map(Self))
     }
 
     /// Returns the paper's summary of events, which is additive over events. O(NM²).
     ///
     /// The summary ignores the part of the prior variance that the inducing points do not explain.
     #[staticmethod]
-    fn variational(py: Python<'_>, prior: &Prior, sites: &Sites, points: Points) -> PyResult<Self> {
+    fn variational(py: Python<'_>, prior: Py<Prior>, sites: Py<Sites>, points: Points) -> PyResult<Self> {
         check_memory(&[points.0.len(), points.0.len()])?;
-        work(py, || dgpc::Summary::variational(&prior.0, &sites.0, &points.0).map(Self))
+        long_work(py, move || dgpc::Summary::variational(&prior.get().0, &sites.get().0, &points.0).map(Self))
     }
 
     /// Returns the summary with these whitened parts: the inverse of `whitened_precision` and `whitened_shift`.
@@ -103,19 +103,25 @@ impl Summary {
     #[staticmethod]
     fn from_whitened(
         py: Python<'_>,
-        prior: &Prior,
+        prior: Py<Prior>,
         points: Points,
         precision: Square,
         shift: Numbers,
     ) -> PyResult<Self> {
-        work(py, || dgpc::Summary::from_whitened(&prior.0, &points.0, precision.0, shift.0).map(Self))
+        long_work(py, move || dgpc::Summary::from_whitened(&prior.get().0, &points.0, precision.0, shift.0).map(Self))
     }
 
     /// Returns the summary with this factor, which depends on no prior. See `factor`.
     #[staticmethod]
-    fn from_factor(py: Python<'_>, prior: &Prior, points: Points, precision: Square, shift: Numbers) -> PyResult<Self> {
+    fn from_factor(
+        py: Python<'_>,
+        prior: Py<Prior>,
+        points: Points,
+        precision: Square,
+        shift: Numbers,
+    ) -> PyResult<Self> {
         let factor = dgpc::Factor::new(points.0, precision.0, shift.0).map_err(bad_input)?;
-        work(py, || dgpc::Summary::from_factor(&prior.0, &factor).map(Self))
+        long_work(py, move || dgpc::Summary::from_factor(&prior.get().0, &factor).map(Self))
     }
 
     /// Returns the summary of the bytes. Damaged and newer bytes raise a `ValueError`.
@@ -141,8 +147,8 @@ impl Summary {
 
     /// The precision G of the message, shape (M, M).
     #[getter]
-    fn precision<'py>(&self, py: Python<'py>) -> PyResult<Table<'py>> {
-        matrix(py, &self.0.precision())
+    fn precision(slf: Py<Self>, py: Python<'_>) -> PyResult<Table<'_>> {
+        matrix(py, &long_work(py, move || Ok(slf.get().0.precision()))?)
     }
 
     /// The shift b of the message, shape (M,).
@@ -181,8 +187,8 @@ impl Summary {
     /// -------
     /// mean : array of shape (M,)
     /// covariance : array of shape (M, M)
-    fn moments<'py>(&self, py: Python<'py>) -> PyResult<(Vector<'py>, Table<'py>)> {
-        let (mean, covariance) = work(py, || self.0.moments())?;
+    fn moments(slf: Py<Self>, py: Python<'_>) -> PyResult<(Vector<'_>, Table<'_>)> {
+        let (mean, covariance) = long_work(py, move || slf.get().0.moments())?;
         Ok((vector(py, mean), matrix(py, &covariance)?))
     }
 
@@ -192,42 +198,42 @@ impl Summary {
     /// -------
     /// precision : array of shape (M, M)
     /// shift : array of shape (M,)
-    fn factor<'py>(&self, py: Python<'py>) -> PyResult<(Table<'py>, Vector<'py>)> {
-        let factor = work(py, || self.0.factor())?;
+    fn factor(slf: Py<Self>, py: Python<'_>) -> PyResult<(Table<'_>, Vector<'_>)> {
+        let factor = long_work(py, move || slf.get().0.factor())?;
         Ok((matrix(py, factor.precision())?, vector(py, factor.shift())))
     }
 
     /// Returns the summary with the variational message of more events. O(NM²).
-    fn observe(&self, py: Python<'_>, sites: &Sites) -> PyResult<Self> {
-        self.changed(py, |summary| summary.observe(&sites.0))
+    fn observe(&self, py: Python<'_>, sites: Py<Sites>) -> PyResult<Self> {
+        self.changed(py, move |summary| summary.observe(&sites.get().0))
     }
 
     /// Returns the summary without the variational message of events that it contains.
-    fn forget(&self, py: Python<'_>, sites: &Sites) -> PyResult<Self> {
-        self.changed(py, |summary| summary.forget(&sites.0))
+    fn forget(&self, py: Python<'_>, sites: Py<Sites>) -> PyResult<Self> {
+        self.changed(py, move |summary| summary.forget(&sites.get().0))
     }
 
     /// Returns the sum of two summaries at the same points: the message of both sets of events.
-    fn merge(&self, py: Python<'_>, other: &Self) -> PyResult<Self> {
-        self.changed(py, |summary| summary.merge(&other.0))
+    fn merge(&self, py: Python<'_>, other: Py<Self>) -> PyResult<Self> {
+        self.changed(py, move |summary| summary.merge(&other.get().0))
     }
 
     /// Returns the difference of two summaries at the same points.
-    fn subtract(&self, py: Python<'_>, other: &Self) -> PyResult<Self> {
-        self.changed(py, |summary| summary.subtract(&other.0))
+    fn subtract(&self, py: Python<'_>, other: Py<Self>) -> PyResult<Self> {
+        self.changed(py, move |summary| summary.subtract(&other.get().0))
     }
 
-    fn __add__(&self, py: Python<'_>, other: &Self) -> PyResult<Self> {
+    fn __add__(&self, py: Python<'_>, other: Py<Self>) -> PyResult<Self> {
         self.merge(py, other)
     }
 
-    fn __sub__(&self, py: Python<'_>, other: &Self) -> PyResult<Self> {
+    fn __sub__(&self, py: Python<'_>, other: Py<Self>) -> PyResult<Self> {
         self.subtract(py, other)
     }
 
     /// Returns the message that a receiver lacks if it holds the summary `known` at the same points.
-    fn residual(&self, py: Python<'_>, known: &Self) -> PyResult<Self> {
-        work(py, || self.0.residual(&known.0).map(Self))
+    fn residual(slf: Py<Self>, py: Python<'_>, known: Py<Self>) -> PyResult<Self> {
+        long_work(py, move || slf.get().0.residual(&known.get().0).map(Self))
     }
 
     /// Returns the message with its factor raised to the power `share`, from 0 to 1.
@@ -236,8 +242,8 @@ impl Summary {
     }
 
     /// Returns the message that has the same factor under another prior.
-    fn under(&self, py: Python<'_>, prior: &Prior) -> PyResult<Self> {
-        work(py, || self.0.under(&prior.0).map(Self))
+    fn under(slf: Py<Self>, py: Python<'_>, prior: Py<Prior>) -> PyResult<Self> {
+        long_work(py, move || slf.get().0.under(&prior.get().0).map(Self))
     }
 
     fn __len__(&self) -> usize {

@@ -5,7 +5,7 @@ use pyo3::prelude::*;
 
 use super::mean::Prior;
 use super::term::Term;
-use crate::border::{Points, Table, Vector, bad_input, check_memory, matrix, vector, work};
+use crate::border::{Points, Table, Vector, bad_input, check_memory, long_work, matrix, vector, work};
 
 /// A covariance function: the sum of its terms.
 ///
@@ -75,9 +75,9 @@ impl Kernel {
     /// Returns
     /// -------
     /// array of shape (N, N)
-    fn gram<'py>(&self, py: Python<'py>, x: Points) -> PyResult<Table<'py>> {
+    fn gram(slf: Py<Self>, py: Python<'_>, x: Points) -> PyResult<Table<'_>> {
         check_memory(&[x.0.len(), x.0.len()])?;
-        matrix(py, &work(py, || self.0.gram(&x.0))?)
+        matrix(py, &long_work(py, move || slf.get().0.gram(&x.0))?)
     }
 
     /// Returns the covariances between two sets of points.
@@ -90,9 +90,9 @@ impl Kernel {
     /// Returns
     /// -------
     /// array of shape (N, M)
-    fn cross<'py>(&self, py: Python<'py>, a: Points, b: Points) -> PyResult<Table<'py>> {
+    fn cross(slf: Py<Self>, py: Python<'_>, a: Points, b: Points) -> PyResult<Table<'_>> {
         check_memory(&[a.0.len(), b.0.len()])?;
-        matrix(py, &work(py, || self.0.cross(&a.0, &b.0))?)
+        matrix(py, &long_work(py, move || slf.get().0.cross(&a.0, &b.0))?)
     }
 
     /// Returns the prior variance at every point.

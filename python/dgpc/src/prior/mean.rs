@@ -19,6 +19,14 @@ use crate::border::{Numbers, Points, Vector, Whole, bad_input, decode, encode, r
 ///     Decrease of the log-odds for each unit of distance.
 /// start, end : array of int
 ///     The columns of the two ends, equally many.
+///
+/// Examples
+/// --------
+///     >>> import dgpc
+///     >>> mean = dgpc.RangeMean(intercept=3.0, slope=0.5, start=[0, 1], end=[2, 3])
+///     >>> prior = dgpc.Prior(dgpc.Term("matern52", 1.0, dimension=4), mean)
+///     >>> prior.mean_at([[0.0, 0.0, 3.0, 4.0]])
+///     array([0.5])
 #[pyclass(frozen, module = "dgpc")]
 pub struct RangeMean(dgpc::RangeMean);
 

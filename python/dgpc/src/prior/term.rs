@@ -10,6 +10,13 @@ use crate::border::{Count, Numbers, Whole, bad_input};
 /// A factor of a kernel term: a shape of the distance over some columns.
 ///
 /// `Term.correlations` returns the factors of a term.
+///
+/// Examples
+/// --------
+///     >>> import dgpc
+///     >>> (correlation,) = dgpc.Term("matern52", [0.5, 2.0]).correlations
+///     >>> correlation.length_scales
+///     [0.5, 2.0]
 #[pyclass(frozen, module = "dgpc")]
 pub struct Correlation(dgpc::Correlation);
 

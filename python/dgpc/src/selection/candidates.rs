@@ -3,11 +3,19 @@
 use numpy::PyArray1;
 use pyo3::prelude::*;
 
-use crate::border::{Count, Points, Share, Whole, check_memory, generator, work};
+use crate::border::{Count, Points, Share, Whole, check_memory, generator, long_work};
 use crate::posterior::Posterior;
 use crate::prior::AnyKernel;
 
 /// Chosen candidates. The methods of `Candidates` return it.
+///
+/// Examples
+/// --------
+///     >>> import dgpc
+///     >>> kernel = dgpc.Term("squared-exponential", 1.0, dimension=1)
+///     >>> selection = dgpc.Candidates(kernel, [[0.0], [9.0]]).minimise_trace(2)
+///     >>> selection.indices, abs(selection.trace) < 1e-9
+///     (array([0, 1]), True)
 #[pyclass(frozen, module = "dgpc")]
 pub struct Selection(dgpc::Selection);
 
@@ -62,7 +70,7 @@ impl Candidates {
     #[pyo3(signature = (kernel, x, known=None))]
     fn new(py: Python<'_>, kernel: AnyKernel, x: Points, known: Option<Points>) -> PyResult<Self> {
         check_memory(&[2, x.0.len(), x.0.len()])?;
-        work(py, || match known {
+        long_work(py, move || match known {
             Some(known) => dgpc::Candidates::given(&kernel.0, &x.0, &known.0),
             None => dgpc::Candidates::new(&kernel.0, &x.0),
         })
@@ -73,47 +81,50 @@ impl Candidates {
     ///
     /// A choice reduces the variance of `public` there to that of `own`.
     #[staticmethod]
-    fn for_residual(py: Python<'_>, public: &Posterior, own: &Posterior, x: Points) -> PyResult<Self> {
-        check_memory(&[x.0.len(), x.0.len() + public.posterior.len()])?;
-        work(py, || dgpc::Candidates::for_residual(&public.posterior, &own.posterior, &x.0).map(Self))
+    fn for_residual(py: Python<'_>, public: Py<Posterior>, own: Py<Posterior>, x: Points) -> PyResult<Self> {
+        check_memory(&[x.0.len(), x.0.len() + public.get().posterior.len()])?;
+        long_work(py, move || {
+            dgpc::Candidates::for_residual(&public.get().posterior, &own.get().posterior, &x.0).map(Self)
+        })
     }
 
     /// Returns the points with the smallest trace, the paper's good points.
     ///
     /// The choice is exact for one and for two points. More points are chosen greedily and then exchanged. O(N³).
-    fn minimise_trace(&self, py: Python<'_>, count: Count) -> PyResult<Selection> {
-        work(py, || Ok(Selection(self.0.minimise_trace(count.0))))
+    fn minimise_trace(slf: Py<Self>, py: Python<'_>, count: Count) -> PyResult<Selection> {
+        long_work(py, move || Ok(Selection(slf.get().0.minimise_trace(count.0))))
     }
 
     /// Returns the points with the largest trace, the paper's bad points.
-    fn maximise_trace(&self, py: Python<'_>, count: Count) -> PyResult<Selection> {
-        work(py, || Ok(Selection(self.0.maximise_trace(count.0))))
+    fn maximise_trace(slf: Py<Self>, py: Python<'_>, count: Count) -> PyResult<Selection> {
+        long_work(py, move || Ok(Selection(slf.get().0.maximise_trace(count.0))))
     }
 
     /// Returns the greedy choice. The first points are the greedy choice of fewer points.
-    fn greedy(&self, py: Python<'_>, count: Count) -> PyResult<Selection> {
-        work(py, || Ok(Selection(self.0.greedy(count.0))))
+    fn greedy(slf: Py<Self>, py: Python<'_>, count: Count) -> PyResult<Selection> {
+        long_work(py, move || Ok(Selection(slf.get().0.greedy(count.0))))
     }
 
     /// Returns distinct candidates, drawn uniformly. Equal seeds give equal choices.
     #[pyo3(signature = (count, *, seed))]
-    fn random(&self, py: Python<'_>, count: Count, seed: Count) -> PyResult<Selection> {
-        work(py, || Ok(Selection(self.0.random(count.0, &mut generator(seed, 0)))))
+    fn random(slf: Py<Self>, py: Python<'_>, count: Count, seed: Count) -> PyResult<Selection> {
+        long_work(py, move || Ok(Selection(slf.get().0.random(count.0, &mut generator(seed, 0)))))
     }
 
     /// Returns the indices of candidates that keep at least this share of their prior variance given those before.
     #[pyo3(signature = (share_min=Share(dgpc::DISTINCT_SHARE)), text_signature = "($self, share_min=1e-4)")]
-    fn distinct<'py>(&self, py: Python<'py>, share_min: Share) -> PyResult<Bound<'py, PyArray1<i64>>> {
-        let kept = work(py, || Ok(self.0.distinct(share_min.0)))?;
+    fn distinct(slf: Py<Self>, py: Python<'_>, share_min: Share) -> PyResult<Bound<'_, PyArray1<i64>>> {
+        let kept = long_work(py, move || Ok(slf.get().0.distinct(share_min.0)))?;
         Ok(PyArray1::from_iter(py, kept.into_iter().map(|index| index as i64)))
     }
 
     /// Returns the candidates given the latent function at those with the indices.
-    fn condition_on(&self, py: Python<'_>, indices: Whole) -> PyResult<Self> {
-        let chosen = crate::border::indices(indices, self.0.len())?;
-        check_memory(&[self.0.len(), self.0.len()])?;
-        work(py, || {
-            let mut candidates = self.0.clone();
+    fn condition_on(slf: Py<Self>, py: Python<'_>, indices: Whole) -> PyResult<Self> {
+        let size = slf.get().0.len();
+        let chosen = crate::border::indices(indices, size)?;
+        check_memory(&[size, size])?;
+        long_work(py, move || {
+            let mut candidates = slf.get().0.clone();
             candidates.condition_on(&chosen);
             Ok(Self(candidates))
         })
@@ -161,10 +172,17 @@ pub fn greedy(kernel: &dgpc::Kernel, x: &dgpc::Inputs, count: usize) -> dgpc::Re
 /// Returns
 /// -------
 /// Selection
+///
+/// Examples
+/// --------
+///     >>> import dgpc
+///     >>> kernel = dgpc.Term("squared-exponential", 1.0, dimension=1)
+///     >>> len(dgpc.greedy_by_variance(kernel, [[0.0], [0.1], [5.0]], 2))
+///     2
 #[pyfunction]
 pub fn greedy_by_variance(py: Python<'_>, kernel: AnyKernel, x: Points, count: Count) -> PyResult<Selection> {
     check_memory(&[x.0.len(), count.0.min(x.0.len())])?;
-    work(py, || dgpc::greedy_by_variance(&kernel.0, &x.0, count.0.min(x.0.len())).map(Selection))
+    long_work(py, move || dgpc::greedy_by_variance(&kernel.0, &x.0, count.0.min(x.0.len())).map(Selection))
 }
 
 /// Chooses inputs greedily for the smallest trace over at most `judges_max` inputs. O(N·judges·count) time.
@@ -180,6 +198,13 @@ pub fn greedy_by_variance(py: Python<'_>, kernel: AnyKernel, x: Points, count: C
 /// -------
 /// Selection
 ///     Its trace is over all inputs.
+///
+/// Examples
+/// --------
+///     >>> import dgpc
+///     >>> kernel = dgpc.Term("squared-exponential", 1.0, dimension=1)
+///     >>> dgpc.greedy_judged(kernel, [[0.0], [0.1], [0.2], [5.0]], 1).indices
+///     array([1])
 #[pyfunction]
 #[pyo3(signature = (kernel, x, count, judges_max=Count(1000)), text_signature = "(kernel, x, count, judges_max=1000)")]
 pub fn greedy_judged(
@@ -190,5 +215,5 @@ pub fn greedy_judged(
     judges_max: Count,
 ) -> PyResult<Selection> {
     check_memory(&[x.0.len(), judges_max.0.min(x.0.len()).saturating_add(count.0.min(x.0.len()))])?;
-    work(py, || dgpc::greedy_judged(&kernel.0, &x.0, count.0.min(x.0.len()), judges_max.0).map(Selection))
+    long_work(py, move || dgpc::greedy_judged(&kernel.0, &x.0, count.0.min(x.0.len()), judges_max.0).map(Selection))
 }

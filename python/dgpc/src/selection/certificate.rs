@@ -2,7 +2,7 @@
 
 use pyo3::prelude::*;
 
-use crate::border::{Finite, Points, check_memory, work};
+use crate::border::{Finite, Points, check_memory, long_work};
 use crate::posterior::Sites;
 use crate::prior::Prior;
 
@@ -30,9 +30,9 @@ pub struct Certificate(dgpc::Certificate);
 #[pymethods]
 impl Certificate {
     #[new]
-    fn new(py: Python<'_>, prior: &Prior, sites: &Sites, points: Points) -> PyResult<Self> {
-        check_memory(&[points.0.len(), points.0.len() + sites.0.len()])?;
-        work(py, || dgpc::Certificate::new(&prior.0, &sites.0, &points.0).map(Self))
+    fn new(py: Python<'_>, prior: Py<Prior>, sites: Py<Sites>, points: Points) -> PyResult<Self> {
+        check_memory(&[points.0.len(), points.0.len() + sites.get().0.len()])?;
+        long_work(py, move || dgpc::Certificate::new(&prior.get().0, &sites.get().0, &points.0).map(Self))
     }
 
     /// The prior variance at the events that the inducing points leave unexplained.
@@ -88,8 +88,17 @@ impl Certificate {
 }
 
 /// Returns log p(y | ω) in nats, up to the constant that `Certificate` omits, too. O(N³).
+///
+/// Examples
+/// --------
+///     >>> import dgpc
+///     >>> prior = dgpc.Prior(dgpc.Term("matern52", 1.0, variance=2.0, dimension=1))
+///     >>> sites = dgpc.Sites([[0.0], [0.2]], [1, 1], [0.25, 0.25])
+///     >>> certificate = dgpc.Certificate(prior, sites, [[0.1]])
+///     >>> certificate.lower <= dgpc.log_evidence(prior, sites) <= certificate.upper
+///     True
 #[pyfunction]
-pub fn log_evidence(py: Python<'_>, prior: &Prior, sites: &Sites) -> PyResult<f64> {
-    check_memory(&[2, sites.0.len(), sites.0.len()])?;
-    work(py, || dgpc::log_evidence(&prior.0, &sites.0))
+pub fn log_evidence(py: Python<'_>, prior: Py<Prior>, sites: Py<Sites>) -> PyResult<f64> {
+    check_memory(&[2, sites.get().0.len(), sites.get().0.len()])?;
+    long_work(py, move || dgpc::log_evidence(&prior.get().0, &sites.get().0))
 }

@@ -3,9 +3,16 @@
 use numpy::PyArray1;
 use pyo3::prelude::*;
 
-use crate::border::{Count, Numbers, Points, Vector, vector, work};
+use crate::border::{Count, Numbers, Points, Vector, long_work, vector, work};
 
 /// The inputs within a radius of a centre. `region_around` and `busiest_region` return it.
+///
+/// Examples
+/// --------
+///     >>> import dgpc
+///     >>> region = dgpc.region_around([[0.0], [3.0], [0.5]], [0.0], 1.0)
+///     >>> region
+///     Region of 2 inputs within 1 of [0.0]
 #[pyclass(frozen, module = "dgpc")]
 pub struct LocalityRegion(dgpc::LocalityRegion);
 
@@ -71,6 +78,12 @@ pub fn region_around(
 /// Returns the region around the input with most inputs within the radius, or `None` if there are no inputs.
 ///
 /// Of more than 1000 inputs, 1000 are tried as the centre. See `region_around` for the parameters.
+///
+/// Examples
+/// --------
+///     >>> import dgpc
+///     >>> dgpc.busiest_region([[0.0], [3.0], [3.5], [4.0]], 1.0).members
+///     array([1, 2, 3])
 #[pyfunction]
 #[pyo3(signature = (x, radius, *, count_max=None))]
 pub fn busiest_region(
@@ -79,7 +92,7 @@ pub fn busiest_region(
     radius: f64,
     count_max: Option<Count>,
 ) -> PyResult<Option<LocalityRegion>> {
-    work(py, || {
+    long_work(py, move || {
         let mut region = dgpc::LocalityRegion::busiest(&x.0, radius)?;
         if let (Some(region), Some(Count(count))) = (&mut region, count_max) {
             region.keep_nearest(&x.0, count);
