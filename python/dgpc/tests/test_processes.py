@@ -152,6 +152,20 @@ def test_sampling_reports_the_number_of_sweeps(prior: dgpc.Prior) -> None:
     assert progress["iterations"] > 10 and progress["change"] is None
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="signals differ on Windows")
+def test_ctrl_c_does_not_wait_for_a_visit_of_a_large_shard(prior: dgpc.Prior) -> None:
+    x = np.random.default_rng(1).uniform(-3.0, 3.0, (500_000, 2))
+    fit = dgpc.ShardedFit(prior, x[:500])
+    shard = dgpc.Shard(prior, x, x[:, 0] > 0, fit.inducing_points)
+    request = fit.request()
+    threading.Timer(0.2, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+    begin = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        shard.contribute(request)
+    assert time.monotonic() - begin < 1.2
+    assert len(shard.mean) == 500_000  # The shard is free again.
+
+
 def test_a_progress_callable_may_compute_while_learning_waits() -> None:
     program = """
 import dgpc, numpy as np

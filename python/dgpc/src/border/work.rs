@@ -182,21 +182,24 @@ impl Latest {
     }
 }
 
-/// Computes with an object that threads share, without the interpreter's lock.
+/// Computes as [`long_work`] does with an object that threads share. After Ctrl-C, the object stays locked until the
+/// computation ends.
 ///
 /// The object is locked before the computation enters a pool, because a thread of a pool may begin another computation
 /// while it waits.
-pub fn work_on<S: Send, T: Send>(
+pub fn work_on<S: Send + 'static, T: Send + 'static>(
     py: Python<'_>,
-    shared: &Mutex<S>,
-    compute: impl FnOnce(&mut S) -> dgpc::Result<T> + Send,
+    shared: &Arc<Mutex<S>>,
+    compute: impl FnOnce(&mut S) -> dgpc::Result<T> + Send + 'static,
 ) -> PyResult<T> {
-    py.detach(|| {
-        let mut guard = locked(shared);
+    let shared = shared.clone();
+    let compute = move || {
+        let mut guard = locked(&shared);
         let object = &mut *guard;
         on_live_threads(|| compute(object))
-    })?
-    .map_err(failed)
+    };
+    let found = signals::watch_or_leave(py, compute, || py.check_signals(), || ())?;
+    found.map_err(Error::new_err)??.map_err(failed)
 }
 
 /// Locks an object that threads share. If another thread panicked while it held the lock, this thread continues.

@@ -1,13 +1,15 @@
 //! Fits of events that lie in shards.
 
 use std::borrow::Cow;
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 
 use dgpc::{FitOptions, ShardContribution, ShardRequest};
 use pyo3::prelude::*;
 
 use super::stored::stop_name;
-use crate::border::{Count, Numbers, Outcomes, Points, Table, Vector, array, bad_input, locked, vector, work, work_on};
+use crate::border::{
+    Count, Numbers, Outcomes, Points, Table, Vector, array, bad_input, locked, long_work, vector, work_on,
+};
 use crate::posterior::{Parts, Posterior, Sites, Summary, copies, observations, references};
 use crate::prior::Prior;
 
@@ -39,7 +41,7 @@ use crate::prior::Prior;
 ///     >>> shard.contribute(fit.request()).dtype
 ///     dtype('float64')
 #[pyclass(frozen, module = "dgpc")]
-pub struct Shard(Mutex<dgpc::Shard<'static>>);
+pub struct Shard(Arc<Mutex<dgpc::Shard<'static>>>);
 
 #[pymethods]
 impl Shard {
@@ -48,7 +50,7 @@ impl Shard {
            text_signature = "(prior, x, y, inducing_points, *, weights=None, covariances_max=7340032)")]
     fn new(
         py: Python<'_>,
-        prior: &Prior,
+        prior: Py<Prior>,
         x: Points,
         y: Outcomes,
         inducing_points: Points,
@@ -56,15 +58,16 @@ impl Shard {
         covariances_max: Count,
     ) -> PyResult<Self> {
         let events = observations(x, y, weights)?;
-        let shard =
-            work(py, || dgpc::Shard::with_memory(&prior.0, Cow::Owned(events), &inducing_points.0, covariances_max.0))?;
-        Ok(Self(Mutex::new(shard)))
+        let shard = long_work(py, move || {
+            dgpc::Shard::with_memory(&prior.get().0, Cow::Owned(events), &inducing_points.0, covariances_max.0)
+        })?;
+        Ok(Self(Arc::new(Mutex::new(shard))))
     }
 
     /// Returns the contribution of the events to a request, as an array of numbers.
     fn contribute<'py>(&self, py: Python<'py>, request: Numbers) -> PyResult<Vector<'py>> {
         let request = ShardRequest::from_numbers(&request.0).map_err(bad_input)?;
-        let contribution = work_on(py, &self.0, |shard| shard.contribute(&request))?;
+        let contribution = work_on(py, &self.0, move |shard| shard.contribute(&request))?;
         Ok(vector(py, contribution.to_numbers()))
     }
 
@@ -119,8 +122,8 @@ impl Shard {
 ///     Summary at 3 inducing points
 #[pyclass(frozen, module = "dgpc")]
 pub struct ShardedFit {
-    fit: Mutex<dgpc::ShardedFit>,
-    messages: Vec<dgpc::Summary>,
+    fit: Arc<Mutex<dgpc::ShardedFit>>,
+    messages: Arc<[dgpc::Summary]>,
 }
 
 #[pymethods]
@@ -130,18 +133,19 @@ impl ShardedFit {
            text_signature = "(prior, inducing_points, *, messages=(), tolerance=1e-10, iterations_max=1000)")]
     fn new(
         py: Python<'_>,
-        prior: &Prior,
+        prior: Py<Prior>,
         inducing_points: Points,
         messages: Vec<Py<Summary>>,
         tolerance: f64,
         iterations_max: Count,
     ) -> PyResult<Self> {
-        let messages = references(&messages);
-        let fit = work(py, || {
+        let (fit, messages) = long_work(py, move || {
+            let messages = references(&messages);
             let options = FitOptions::default().inducing_points(&inducing_points.0).messages(&messages);
-            dgpc::ShardedFit::new(&prior.0, &options.tolerance(tolerance).iterations_max(iterations_max.0))
+            let options = options.tolerance(tolerance).iterations_max(iterations_max.0);
+            Ok((dgpc::ShardedFit::new(&prior.get().0, &options)?, copies(&messages)))
         })?;
-        Ok(Self { fit: Mutex::new(fit), messages: copies(&messages) })
+        Ok(Self { fit: Arc::new(Mutex::new(fit)), messages: messages.into() })
     }
 
     /// Inducing points, with those of the messages; an array of shape (M, d).
@@ -162,7 +166,7 @@ impl ShardedFit {
     /// A contribution does not name its shard, so the caller must pass each shard's contribution once.
     /// `dgpc.sharded.fit` does so.
     fn absorb(&self, py: Python<'_>, contributions: Vec<Numbers>) -> PyResult<()> {
-        work_on(py, &self.fit, |fit| fit.absorb(sum(&contributions)?))
+        work_on(py, &self.fit, move |fit| fit.absorb(sum(&contributions)?))
     }
 
     /// Returns the request for the gradient at the end of the fit, as an array of numbers.
@@ -174,14 +178,15 @@ impl ShardedFit {
     /// Returns the gradient of the evidence bound by each of `Prior.parameter_values`, from the contributions of all
     /// shards to `gradient_request`.
     fn gradient<'py>(&self, py: Python<'py>, contributions: Vec<Numbers>) -> PyResult<Vector<'py>> {
-        Ok(vector(py, work_on(py, &self.fit, |fit| fit.gradient(sum(&contributions)?))?))
+        Ok(vector(py, work_on(py, &self.fit, move |fit| fit.gradient(sum(&contributions)?))?))
     }
 
     /// Returns the posterior of the events and the messages, after the end of the fit.
     fn posterior(&self, py: Python<'_>) -> PyResult<Posterior> {
-        work_on(py, &self.fit, |fit| {
+        let messages = self.messages.clone();
+        work_on(py, &self.fit, move |fit| {
             let (summary, no_sites) = (fit.summary()?, dgpc::Sites::empty(fit.inducing_points().dimension()));
-            let (prior, messages) = (summary.prior().clone(), self.messages.iter().collect::<Vec<_>>());
+            let (prior, messages) = (summary.prior().clone(), messages.iter().collect::<Vec<_>>());
             Posterior::of(Parts::of_fit(&prior, no_sites, Some(summary), &messages)?)
         })
     }
