@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _dgpc
 
 
+def has_masked_values(values: Any) -> bool:
+    """Returns whether these are an array of NumPy with masked values."""
+    # Some versions of NumPy do not declare the types of this module.
+    masked: Any = np.ma
+    return isinstance(values, np.ma.MaskedArray) and bool(masked.is_masked(values))
+
+
 def _flat(*arguments: ArrayLike) -> tuple[tuple[int, ...], list[NDArray[np.generic]]]:
     """Returns the common shape of the arguments, and each argument in one dimension."""
-    if any(isinstance(argument, np.ma.MaskedArray) and np.ma.is_masked(argument) for argument in arguments):
+    if any(map(has_masked_values, arguments)):
         raise ValueError("masked values are not supported")
     arrays = np.broadcast_arrays(*(np.asarray(argument) for argument in arguments))
     return arrays[0].shape, [array.reshape(-1) for array in arrays]

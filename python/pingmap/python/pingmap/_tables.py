@@ -76,7 +76,9 @@ def column(table: Any, name: str) -> list[str]:
 
     Numbers keep all their digits. A missing name, kind or heading is an empty field.
     """
-    if isinstance(table[name], np.ma.MaskedArray) and np.ma.is_masked(table[name]):
+    # Some versions of NumPy do not declare the types of this module.
+    masked: Any = np.ma
+    if isinstance(table[name], np.ma.MaskedArray) and masked.is_masked(table[name]):
         raise ValueError(f"column {name}: masked values are not supported; leave out these rows")
     values = np.asarray(table[name])
     if values.ndim != 1:

@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.lib.format import header_data_from_array_1_0, write_array_header_1_0
+from numpy.lib import format as npy_format
 from numpy.typing import ArrayLike, NDArray
 
 from .._dgpc import Sites
+from .._elementwise import has_masked_values
 
 #: A function like ``map``: it applies a function to the items of one or several sequences, in order.
 Map = Callable[..., Iterable[Any]]
@@ -56,7 +57,7 @@ def write_shards(
         ...     [path.name for path in write_shards(folder, [[0.0], [1.0]], [0, 1], shards=2)]
         ['shard-0000.npy', 'shard-0001.npy']
     """
-    if any(isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values) for values in (x, y, weights)):
+    if any(map(has_masked_values, (x, y, weights))):
         raise ValueError("masked values are not supported; leave out the rows that have some")
     columns = [np.asarray(values, dtype=float) for values in (x, y, weights) if values is not None]
     # Sites have the same conditions: lengths, finite inputs, outcomes and weights.
@@ -67,13 +68,15 @@ def write_shards(
     Path(folder).mkdir(parents=True, exist_ok=True)
     paths = [Path(folder) / f"shard-{number:04}.npy" for number in range(shards)]
     written = []
+    # Some versions of NumPy do not declare the types of this module.
+    header: Any = npy_format
     try:
         for path, rows in zip(paths, np.array_split(table, shards)):
             # "x" refuses to replace a file.
             with open(path, "xb") as file:
                 written.append(path)
                 # `np.save` does not notice a disk that becomes full.
-                write_array_header_1_0(file, header_data_from_array_1_0(rows))
+                header.write_array_header_1_0(file, header.header_data_from_array_1_0(rows))
                 file.write(rows.data)
     except BaseException:
         for path in written:
