@@ -61,27 +61,23 @@ fn wait<T: Send>(
     stop: impl Fn(),
     patience: Duration,
 ) -> PyResult<Ended<T>> {
-    let mut next = move || end.recv_timeout(CHECK_AFTER);
-    let mut stopped: Option<(PyErr, Instant)> = None;
-    loop {
-        let result = match py.detach(&mut next) {
-            Err(RecvTimeoutError::Timeout) => None,
-            Ok(result) => Some(result),
-            Err(RecvTimeoutError::Disconnected) => Some(Err("internal error: no result".to_owned())),
-        };
-        match (result, stopped.take()) {
-            (Some(result), None) => return Ok(result),
-            (Some(_), Some((exception, _))) => return Err(exception),
-            (None, Some((exception, since))) if since.elapsed() >= patience => return Err(exception),
-            (None, Some(waiting)) => stopped = Some(waiting),
-            (None, None) => {
-                if let Err(exception) = check() {
-                    stop();
-                    stopped = Some((exception, Instant::now()));
-                }
-            }
+    let mut next = move || match end.recv_timeout(CHECK_AFTER) {
+        Ok(ended) => Some(ended),
+        Err(RecvTimeoutError::Timeout) => None,
+        Err(RecvTimeoutError::Disconnected) => Some(Err("internal error: no result".to_owned())),
+    };
+    let exception = loop {
+        if let Some(ended) = py.detach(&mut next) {
+            return Ok(ended);
         }
-    }
+        if let Err(exception) = check() {
+            break exception;
+        }
+    };
+    stop();
+    let stopped = Instant::now();
+    while py.detach(&mut next).is_none() && stopped.elapsed() < patience {}
+    Err(exception)
 }
 
 /// Returns the text of a panic.

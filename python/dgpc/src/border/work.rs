@@ -142,8 +142,17 @@ pub fn watched<T: Send + 'static>(
         }
     };
     let stop = || is_stopped.store(true, Ordering::Relaxed);
-    let found = signals::watch_or_leave(py, || on_live_threads(compute), check, stop)?;
-    found.map_err(Error::new_err)??.map_err(failed)
+    on_own_thread(py, || on_live_threads(compute), check, stop)
+}
+
+/// Runs a computation on a thread of its own, and leaves it alone half a second after `stop`.
+fn on_own_thread<T: Send + 'static>(
+    py: Python<'_>,
+    compute: impl FnOnce() -> PyResult<dgpc::Result<T>> + Send + 'static,
+    check: impl FnMut() -> PyResult<()>,
+    stop: impl Fn(),
+) -> PyResult<T> {
+    signals::watch_or_leave(py, compute, check, stop)?.map_err(Error::new_err)??.map_err(failed)
 }
 
 /// The latest progress of a computation.
@@ -198,8 +207,7 @@ pub fn work_on<S: Send + 'static, T: Send + 'static>(
         let object = &mut *guard;
         on_live_threads(|| compute(object))
     };
-    let found = signals::watch_or_leave(py, compute, || py.check_signals(), || ())?;
-    found.map_err(Error::new_err)??.map_err(failed)
+    on_own_thread(py, compute, || py.check_signals(), || ())
 }
 
 /// Locks an object that threads share. If another thread panicked while it held the lock, this thread continues.

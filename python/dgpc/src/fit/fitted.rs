@@ -178,7 +178,8 @@ impl Fit {
         let rows = slf.get().rows(&slf.get().messages_or(summaries.as_deref()));
         check_memory(&[3, rows, rows])?;
         long_work(py, move || {
-            let (this, events) = (slf.get(), (0..slf.get().fit.sites().len()).collect::<Vec<_>>());
+            let this = slf.get();
+            let events: Vec<usize> = (0..this.fit.sites().len()).collect();
             this.posterior_of(&events, &this.messages_or(summaries.as_deref()))
         })
     }
