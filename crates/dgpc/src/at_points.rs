@@ -2,9 +2,9 @@
 
 use std::ops::Range;
 
-use crate::error::{Error, Result, all_finite};
+use crate::error::{Error, Result};
 use crate::inputs::Inputs;
-use crate::latent::{Latent, POINTS, clipped};
+use crate::latent::{Latent, POINTS};
 use crate::linalg::Matrix;
 use crate::parts::{on_parts, stretches};
 use crate::posterior::Posterior;
@@ -58,18 +58,15 @@ impl<'p> PosteriorAtPoints<'p> {
         if !posterior.extends(self.posterior) {
             return Err(Error::NotAnExtension { rows: self.posterior.len(), found: posterior.len() });
         }
-        let target = posterior.solved_target();
         let blocks = self.blocks.iter_mut().collect();
-        let moments = on_parts(blocks, |block: &mut Block| block.latent(posterior, &target));
+        let moments = on_parts(blocks, |block: &mut Block| block.moments(posterior));
         let (mut mean, mut variance) = (Vec::new(), Vec::new());
         for moments in moments {
-            let moments = moments?;
-            mean.extend(moments.mean);
-            variance.extend(moments.variance);
+            let (means, variances) = moments?;
+            mean.extend(means);
+            variance.extend(variances);
         }
-        all_finite("latent mean", &mean)?;
-        all_finite("latent variance", &variance)?;
-        Ok(Latent { mean, variance })
+        Latent::checked(mean, variance)
     }
 }
 
@@ -93,18 +90,16 @@ impl Block {
         Ok(())
     }
 
-    /// Returns the moments under an extension. The block stays as it is.
-    fn latent(&mut self, posterior: &Posterior, target: &[f64]) -> Result<Latent> {
+    /// Returns means and variances under an extension, without checks. The block stays as it is.
+    fn moments(&mut self, posterior: &Posterior) -> Result<(Vec<f64>, Vec<f64>)> {
         let (rows, shifted, variance) = (self.features.columns(), self.shifted.clone(), self.variance.clone());
         let extended = self.extend(posterior);
-        let correction = extended.map(|()| self.features.times(target));
+        let correction = extended.map(|()| self.features.times(posterior.solved_target()));
         self.features.truncate_columns(rows);
         let shifted = std::mem::replace(&mut self.shifted, shifted);
         let variance = std::mem::replace(&mut self.variance, variance);
         let about_prior_mean = shifted.iter().zip(correction?).map(|(shifted, correction)| shifted - correction);
-        Ok(Latent {
-            mean: self.prior_mean.iter().zip(about_prior_mean).map(|(prior, mean)| prior + mean).collect(),
-            variance: variance.into_iter().map(clipped).collect(),
-        })
+        let mean = self.prior_mean.iter().zip(about_prior_mean).map(|(prior, mean)| prior + mean).collect();
+        Ok((mean, variance))
     }
 }

@@ -24,8 +24,7 @@ impl Latent {
     /// Starts from the prior moments at every point and lets `learned` update them in blocks.
     ///
     /// `learned` receives a block of points, their means and variances, and a work area that successive blocks share.
-    /// It costs `work_each` multiply-adds a point. Variances that rounding made negative become 0. All results are
-    /// checked to be finite.
+    /// It costs `work_each` multiply-adds a point. The results are checked as in [`Latent::checked`].
     pub(crate) fn in_blocks<R: Default>(
         prior: &Prior,
         inputs: &Inputs,
@@ -49,7 +48,13 @@ impl Latent {
                 .try_for_each(|(block, (mean, variance))| learned(&inputs.slice(block), mean, variance, &mut scratch))
         };
         on_parts(shares, on_part).into_iter().collect::<Result<()>>()?;
-        variance.iter_mut().for_each(|variance| *variance = clipped(*variance));
+        Self::checked(mean, variance)
+    }
+
+    /// Checks that all moments are finite. Variances that rounding made negative become 0.
+    pub(crate) fn checked(mean: Vec<f64>, mut variance: Vec<f64>) -> Result<Self> {
+        // A NaN stays a NaN, which the check refuses.
+        variance.iter_mut().filter(|variance| **variance < 0.0).for_each(|variance| *variance = 0.0);
         all_finite("latent mean", &mean)?;
         all_finite("latent variance", &variance)?;
         Ok(Self { mean, variance })
@@ -59,11 +64,6 @@ impl Latent {
     pub fn probability(&self) -> Vec<f64> {
         self.mean.iter().zip(&self.variance).map(|(&mean, &variance)| success_probability(mean, variance)).collect()
     }
-}
-
-/// Replaces a variance that rounding made negative by 0. A NaN stays a NaN, so that later checks refuse it.
-pub(crate) fn clipped(variance: f64) -> f64 {
-    if variance < 0.0 { 0.0 } else { variance }
 }
 
 /// Weight and scale of each normal distribution function in a mixture that approximates the logistic function σ

@@ -1,6 +1,7 @@
 //! Sites of single events given a posterior that stays fixed.
 
 use crate::error::Result;
+use crate::latent::Latent;
 use crate::observations::Observations;
 use crate::polya_gamma;
 use crate::posterior::Posterior;
@@ -13,7 +14,8 @@ use crate::sites::Sites;
 /// # Errors
 /// As [`Posterior::latent`]; [`crate::Error::OutOfRange`] if the latent function is so far from zero that ω vanishes.
 pub fn sites_given(known: &Posterior, observations: &Observations) -> Result<Sites> {
-    Ok(sites_and_tilts_given(known, observations)?.0)
+    let (omega, _) = omega_and_tilts(&known.latent(observations.inputs())?, observations);
+    Sites::new(observations, omega)
 }
 
 /// Absorbs more events into the posterior `known` and returns their sites. O(n²) an event.
@@ -32,16 +34,19 @@ pub(super) fn absorb_with_tilts(known: &mut Posterior, observations: &Observatio
     let (mut sites, mut tilts) = (Sites::empty(observations.inputs().dimension()), Vec::new());
     let places: Vec<usize> = (0..observations.len()).collect();
     for some in places.chunks(AT_ONCE) {
-        let (some, of_some) = sites_and_tilts_given(known, &observations.select(some))?;
-        known.absorb_events(&some)?;
-        sites.append(&some)?;
-        tilts.extend(of_some);
+        let some = observations.select(some);
+        let absorbed = known.absorb_observations_by(&some, |latent| {
+            let (omega, of_some) = omega_and_tilts(latent, &some);
+            tilts.extend(of_some);
+            omega
+        })?;
+        sites.append(&absorbed)?;
     }
     Ok((sites, tilts))
 }
 
-fn sites_and_tilts_given(known: &Posterior, observations: &Observations) -> Result<(Sites, Vec<f64>)> {
-    let latent = known.latent(observations.inputs())?;
+/// Returns ω and the tilt of each event, given these moments and itself alone.
+fn omega_and_tilts(latent: &Latent, observations: &Observations) -> (Vec<f64>, Vec<f64>) {
     let one = |(((&mean, &variance), kappa), &weight): (((&f64, &f64), f64), &f64)| {
         // The start is ω's largest value. Every step contracts, so a fixed number of steps is enough.
         (0..ITERATIONS).fold((0.25, 0.0), |(omega, _), _| {
@@ -52,8 +57,7 @@ fn sites_and_tilts_given(known: &Posterior, observations: &Observations) -> Resu
         })
     };
     let moments = latent.mean.iter().zip(&latent.variance);
-    let (omega, tilts) = moments.zip(observations.kappa()).zip(observations.weights()).map(one).unzip();
-    Ok((Sites::new(observations, omega)?, tilts))
+    moments.zip(observations.kappa()).zip(observations.weights()).map(one).unzip()
 }
 
 /// Number of events that are absorbed at once. With few events, each site is close to its site given the others.

@@ -9,36 +9,44 @@ use crate::error::{Error, Result};
 #[derive(Debug, Clone)]
 pub(crate) struct GrowingCholesky(Cholesky);
 
-/// New rows for a factor.
+/// The m rows that turn the factor of A (n×n) into the factor of [A, X; Xᵀ, C].
 pub(crate) struct Extension {
-    /// L⁻¹X.
+    /// L⁻¹X, n×m.
     between: Matrix,
     /// Cholesky factor of C − XᵀA⁻¹X.
     corner: Cholesky,
 }
 
-impl GrowingCholesky {
-    /// Returns a factor without rows.
-    pub(crate) fn empty() -> Self {
-        Self(Cholesky::of_identity(0))
-    }
-
-    /// Computes the rows that turn the factor of A (n×n) into the factor of [A, X; Xᵀ, C], with X (n×m) and C (m×m).
-    /// [`GrowingCholesky::extend`] appends them. O(n²m + m³).
+impl Extension {
+    /// Computes the rows from L⁻¹X (n×m) and C (m×m). [`GrowingCholesky::extend`] appends them. O(nm² + m³).
     ///
     /// # Errors
     /// [`Error::NotPositiveDefinite`] names `what` and the failing pivot.
-    pub(crate) fn extension(&self, what: &'static str, mut x: Matrix, mut c: Matrix) -> Result<Extension> {
-        let (old, size) = (self.0.size(), self.0.size() + c.rows());
-        self.0.solve_lower_matrix(&mut x);
-        add_symmetric_product(-1.0, x.t(), &mut c);
+    pub(crate) fn new(what: &'static str, between: Matrix, mut c: Matrix) -> Result<Self> {
+        let (old, size) = (between.rows(), between.rows() + c.rows());
+        add_symmetric_product(-1.0, between.t(), &mut c);
         let corner = Cholesky::new(what, c).map_err(|error| match error {
             Error::NotPositiveDefinite { pivot, jitter, .. } => {
                 Error::NotPositiveDefinite { what, pivot: pivot + old, size, jitter }
             }
             other => other,
         })?;
-        Ok(Extension { between: x, corner })
+        Ok(Self { between, corner })
+    }
+
+    /// Continues a solve with the extended factor. `solved` holds the first n entries of the solution. Replaces the
+    /// right side in `last` by the other m entries. O(nm + m²).
+    pub(crate) fn solve_lower(&self, solved: &[f64], last: &mut [f64]) {
+        let contribution = self.between.transposed_times(solved);
+        last.iter_mut().zip(contribution).for_each(|(entry, contribution)| *entry -= contribution);
+        self.corner.solve_lower(last);
+    }
+}
+
+impl GrowingCholesky {
+    /// Returns a factor without rows.
+    pub(crate) fn empty() -> Self {
+        Self(Cholesky::of_identity(0))
     }
 
     /// Appends m rows to the factor. O((n + m)m), except when the storage must be enlarged.
@@ -61,19 +69,9 @@ impl GrowingCholesky {
         self.0.factor.diagonal()
     }
 
-    /// Replaces x by A⁻¹x. O(n²).
-    pub(crate) fn solve(&self, x: &mut [f64]) {
-        self.0.solve(x);
-    }
-
     /// Replaces X by L⁻¹X. O(n² columns).
     pub(crate) fn solve_lower_matrix(&self, x: &mut Matrix) {
         self.0.solve_lower_matrix(x);
-    }
-
-    /// Replaces x by L⁻¹x. O(n²).
-    pub(crate) fn solve_lower(&self, x: &mut [f64]) {
-        self.0.solve_lower(x);
     }
 
     /// Replaces X by XL⁻ᵀ: solves for every row of X. The columns before `first_unsolved` are solved already. O(nm

@@ -13,7 +13,7 @@ mod eigen;
 
 pub(crate) use cholesky::{Cholesky, CholeskyScratch, fill_scaled};
 pub(crate) use eigen::{semidefinite_root, symmetric_eigen};
-pub(crate) use growing::GrowingCholesky;
+pub(crate) use growing::{Extension, GrowingCholesky};
 pub use matrix::Matrix;
 pub(crate) use matrix::{
     add_scaled, add_symmetric_product, add_symmetric_product_lower, dot, lower_gram, multiply_columns, multiply_rows,

@@ -2,14 +2,15 @@
 
 mod rows;
 
-use rows::{NewRows, Part, Segment, apply, rotate, rotate_columns, whiten, whiten_columns};
+use rows::{NewRows, Segment, rotate, rotate_columns, rotate_vector, whiten, whiten_columns};
 
 use crate::error::{Result, same_size};
 use crate::inputs::Inputs;
 use crate::latent::Latent;
 use crate::linalg::{
-    Cholesky, GrowingCholesky, Matrix, add_symmetric_product, dot, squared_norm, squared_norms_of_rows,
+    Cholesky, Extension, GrowingCholesky, Matrix, add_symmetric_product, products_and_squared_norms, squared_norm,
 };
+use crate::observations::Observations;
 use crate::prior::Prior;
 use crate::sites::Sites;
 use crate::summary::Summary;
@@ -31,13 +32,22 @@ pub struct Posterior {
     segments: Vec<Segment>,
     /// b̂, n.
     shift: Vec<f64>,
-    /// RᵀTb̂, n.
-    target: Vec<f64>,
-    /// Cholesky factor of B = I + RᵀTR.
+    /// Cholesky factor L of B = I + RᵀTR.
     cholesky: GrowingCholesky,
-    /// The mean about μ₀ at x is (whitened k(support, x))ᵀ · weights.
-    weights: Vec<f64>,
+    /// L⁻¹RᵀTb̂, n.
+    solved_target: Vec<f64>,
     jitter: f64,
+}
+
+/// Features of points. Predictions and absorption share them.
+///
+/// With t the whitened covariance of a point with the support, the mean about μ₀ is tᵀb̂ − (L⁻¹Rᵀt)ᵀ(L⁻¹RᵀTb̂). The
+/// explained variance is ‖L⁻¹Rᵀt‖².
+struct PointFeatures {
+    /// tᵀb̂, one per point.
+    shifted: Vec<f64>,
+    /// L⁻¹Rᵀt, a column for each point.
+    solved: Matrix,
 }
 
 impl Posterior {
@@ -48,9 +58,8 @@ impl Posterior {
             support: Inputs::empty(dimension),
             segments: Vec::new(),
             shift: Vec::new(),
-            target: Vec::new(),
             cholesky: GrowingCholesky::empty(),
-            weights: Vec::new(),
+            solved_target: Vec::new(),
             jitter: 0.0,
         }
     }
@@ -121,68 +130,64 @@ impl Posterior {
         self.absorb(NewRows::lay_out(&self.prior, self.support.len(), None, summaries)?)
     }
 
+    /// Absorbs events and returns their sites. `omega` computes ω from the moments before the absorption, which use the
+    /// same features of the events. O(n²m + m³).
+    ///
+    /// # Errors
+    /// As [`Posterior::latent`], [`Sites::new`] and [`Posterior::absorb_events`]. After an error the posterior is
+    /// unchanged.
+    pub(crate) fn absorb_observations_by(
+        &mut self,
+        observations: &Observations,
+        omega: impl FnOnce(&Latent) -> Vec<f64>,
+    ) -> Result<Sites> {
+        let inputs = observations.inputs();
+        let features = self.features_at(inputs)?;
+        let mut mean = self.prior.mean().values(inputs)?;
+        let mut variance = self.prior.kernel().diagonal(inputs)?;
+        mean.iter_mut().zip(self.mean_about_prior_mean(&features)).for_each(|(mean, learned)| *mean += learned);
+        variance.iter_mut().zip(features.explained()).for_each(|(variance, explained)| *variance -= explained);
+        let sites = Sites::new(observations, omega(&Latent::checked(mean, variance)?))?;
+        if let Some(new) = NewRows::lay_out(&self.prior, self.support.len(), Some(&sites), &[])? {
+            self.absorb_rows(new, features, self.prior.kernel().gram(inputs)?)?;
+        }
+        Ok(sites)
+    }
+
     fn absorb(&mut self, new: Option<NewRows>) -> Result<()> {
         let Some(new) = new else { return Ok(()) };
+        let mut between = self.whitened_covariances(&new.support)?;
+        whiten_columns(&new.segments, new.first, &mut between);
+        let mut among = self.prior.kernel().gram(&new.support)?;
+        whiten(&new.segments, new.first, &mut among);
+        whiten_columns(&new.segments, new.first, &mut among);
+        let features = self.features(between);
+        self.absorb_rows(new, features, among)
+    }
+
+    /// Absorbs new rows, from the features of their whitened inputs and from T among them (m×m).
+    fn absorb_rows(&mut self, new: NewRows, features: PointFeatures, among: Matrix) -> Result<()> {
         same_size("input dimension", self.support.dimension(), new.support.dimension())?;
-        let (between, among) = self.whitened_covariances(&new)?;
-        let target = self.extended_target(&new, &between, &among);
-        let (between, corner) = self.rotated(&new, between, among);
-        let extension = self.cholesky.extension("I + RᵀTR", between, corner)?;
+        let PointFeatures { shifted, solved: mut between } = features;
+        // L⁻¹RᵀTb̂ in the old rows.
+        let change = between.times(&new.shift);
+        let mut solved_target: Vec<f64> = self.solved_target.iter().zip(change).map(|(old, by)| old + by).collect();
+        // RᵀTb̂ in the new rows.
+        let by_new = among.times(&new.shift);
+        let mut target: Vec<f64> = shifted.iter().zip(by_new).map(|(by_old, by_new)| by_old + by_new).collect();
+        rotate_vector(&new.segments, new.first, &mut target);
+        rotate_columns(&new.segments, new.first, &mut between);
+        let extension = Extension::new("I + RᵀTR", between, new.corner(among))?;
+        extension.solve_lower(&solved_target, &mut target);
+        solved_target.extend(target);
         // No step below can fail.
         self.support.append(&new.support)?;
         self.segments.extend(new.segments);
         self.shift.extend(new.shift);
         self.cholesky.extend(extension);
-        // weights = b̂ − R B⁻¹ RᵀTb̂.
-        let mut correction = target.clone();
-        self.cholesky.solve(&mut correction);
-        apply(&self.segments, 0, &mut correction, Matrix::times);
-        self.weights = self.shift.iter().zip(&correction).map(|(shift, correction)| shift - correction).collect();
+        self.solved_target = solved_target;
         self.jitter = self.jitter.max(new.jitter);
-        self.target = target;
         Ok(())
-    }
-
-    /// Returns T = WKWᵀ between the new rows and the old ones (m×n), and among the new ones (m×m).
-    fn whitened_covariances(&self, new: &NewRows) -> Result<(Matrix, Matrix)> {
-        let old = self.support.len();
-        let mut between = self.features(&new.support)?.transposed();
-        whiten(&new.segments, old, &mut between);
-        let mut among = self.prior.kernel().gram(&new.support)?;
-        // Events need no whitening, and there may be many of them.
-        if new.segments.iter().any(|segment| matches!(segment.part, Part::Block { .. })) {
-            whiten(&new.segments, old, &mut among);
-            among = among.transposed();
-            whiten(&new.segments, old, &mut among);
-        }
-        Ok((between, among))
-    }
-
-    /// Returns RᵀTb̂ for all rows. It gains the effect of the new shift on all rows and of the old shift on the new
-    /// rows.
-    fn extended_target(&self, new: &NewRows, between: &Matrix, among: &Matrix) -> Vec<f64> {
-        let mut old_gain = between.transposed_times(&new.shift);
-        apply(&self.segments, 0, &mut old_gain, Matrix::transposed_times);
-        let old_target = self.target.iter().zip(&old_gain).map(|(old, gain)| old + gain);
-        let from_old = between.times(&self.shift);
-        let mut new_target: Vec<f64> =
-            among.times(&new.shift).iter().zip(&from_old).map(|(new, old)| new + old).collect();
-        apply(&new.segments, self.support.len(), &mut new_target, Matrix::transposed_times);
-        old_target.chain(new_target).collect()
-    }
-
-    /// Returns the new rows of B = I + RᵀTR: those against the old rows (transposed, n×m) and those among the new
-    /// (m×m).
-    fn rotated(&self, new: &NewRows, mut between: Matrix, mut among: Matrix) -> (Matrix, Matrix) {
-        let old = self.support.len();
-        rotate(&new.segments, old, &mut between);
-        let mut between = between.transposed();
-        rotate(&self.segments, 0, &mut between);
-        rotate(&new.segments, old, &mut among);
-        let mut corner = among.transposed();
-        rotate(&new.segments, old, &mut corner);
-        corner.add_to_diagonal(1.0);
-        (between, corner)
     }
 
     /// Returns n, the number of events and inducing points. Memory and the time of a prediction grow with n².
@@ -238,10 +243,8 @@ impl Posterior {
 
     /// Returns, at every point, the mean minus the prior mean, and the explained part of the prior variance.
     fn moments_of_few(&self, inputs: &Inputs) -> Result<(Vec<f64>, Vec<f64>)> {
-        let mut features = self.features(inputs)?;
-        let mean = (0..features.columns()).map(|n| dot(features.column(n), &self.weights)).collect();
-        self.explain(&mut features);
-        Ok((mean, (0..features.columns()).map(|n| squared_norm(features.column(n))).collect()))
+        let features = self.features_at(inputs)?;
+        Ok((self.mean_about_prior_mean(&features), features.explained()))
     }
 
     /// Computes the moments as [`Posterior::moments_of_few`], but with points in rows, which is faster for many points.
@@ -249,10 +252,12 @@ impl Posterior {
         features.resize(inputs.len(), self.len());
         self.prior.kernel().write_cross(inputs, &self.support, features)?;
         whiten_columns(&self.segments, 0, features);
-        let mean = features.times(&self.weights);
+        let mut mean = features.times(&self.shift);
         rotate_columns(&self.segments, 0, features);
         self.cholesky.solve_rows(features, 0);
-        Ok((mean, squared_norms_of_rows(features)))
+        let (corrections, explained) = products_and_squared_norms(features, &self.solved_target);
+        mean.iter_mut().zip(corrections).for_each(|(mean, correction)| *mean -= correction);
+        Ok((mean, explained))
     }
 
     /// Returns the joint mean (M) and covariance (M×M) of the latent function at `inputs`. O(Mn² + M²n).
@@ -296,11 +301,9 @@ impl Posterior {
             && self.cholesky.diagonal()[..rows] == base.cholesky.diagonal()
     }
 
-    /// Returns L⁻¹RᵀTb̂, n. O(n²).
-    pub(crate) fn solved_target(&self) -> Vec<f64> {
-        let mut target = self.target.clone();
-        self.cholesky.solve_lower(&mut target);
-        target
+    /// Returns L⁻¹RᵀTb̂, n.
+    pub(crate) fn solved_target(&self) -> &[f64] {
+        &self.solved_target
     }
 
     /// Appends the m missing rows of the support to `features`, which holds (L⁻¹Rᵀt)ᵀ for the first rows, with t the
@@ -320,12 +323,10 @@ impl Posterior {
     }
 
     fn joint_about_prior_mean(&self, inputs: &Inputs) -> Result<(Vec<f64>, Matrix)> {
-        let mut features = self.features(inputs)?;
-        let mean = features.transposed_times(&self.weights);
+        let features = self.features_at(inputs)?;
         let mut covariance = self.prior.kernel().gram(inputs)?;
-        self.explain(&mut features);
-        add_symmetric_product(-1.0, features.t(), &mut covariance);
-        Ok((mean, covariance))
+        add_symmetric_product(-1.0, features.solved.t(), &mut covariance);
+        Ok((self.mean_about_prior_mean(&features), covariance))
     }
 
     /// Returns the summary of this posterior at `inducing_points`: the message that turns the prior there into this
@@ -347,17 +348,35 @@ impl Posterior {
         self.summarise(inducing_points)?.residual(&known.summarise(inducing_points)?)
     }
 
-    /// Returns the whitened k(support, x), one column per point.
-    fn features(&self, inputs: &Inputs) -> Result<Matrix> {
+    /// Returns t = W k(support, x), one column per point.
+    fn whitened_covariances(&self, inputs: &Inputs) -> Result<Matrix> {
         self.support.check_dimension(inputs)?;
-        let mut features = self.prior.kernel().cross(&self.support, inputs)?;
-        whiten(&self.segments, 0, &mut features);
-        Ok(features)
+        let mut covariances = self.prior.kernel().cross(&self.support, inputs)?;
+        whiten(&self.segments, 0, &mut covariances);
+        Ok(covariances)
     }
 
-    /// Turns whitened features into features whose squared norm is the explained prior variance.
-    fn explain(&self, features: &mut Matrix) {
-        rotate(&self.segments, 0, features);
-        self.cholesky.solve_lower_matrix(features);
+    fn features_at(&self, inputs: &Inputs) -> Result<PointFeatures> {
+        Ok(self.features(self.whitened_covariances(inputs)?))
+    }
+
+    /// Returns the features of points with these whitened covariances with the support (n×m). O(n²m).
+    fn features(&self, mut covariances: Matrix) -> PointFeatures {
+        let shifted = covariances.transposed_times(&self.shift);
+        rotate(&self.segments, 0, &mut covariances);
+        self.cholesky.solve_lower_matrix(&mut covariances);
+        PointFeatures { shifted, solved: covariances }
+    }
+
+    fn mean_about_prior_mean(&self, features: &PointFeatures) -> Vec<f64> {
+        let corrections = features.solved.transposed_times(&self.solved_target);
+        features.shifted.iter().zip(corrections).map(|(shifted, correction)| shifted - correction).collect()
+    }
+}
+
+impl PointFeatures {
+    /// Returns the explained part of the prior variance at every point.
+    fn explained(&self) -> Vec<f64> {
+        (0..self.solved.columns()).map(|point| squared_norm(self.solved.column(point))).collect()
     }
 }

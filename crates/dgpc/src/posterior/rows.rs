@@ -25,6 +25,8 @@ pub(super) enum Part {
 
 /// New rows for a posterior's support.
 pub(super) struct NewRows {
+    /// Number of rows before the new ones.
+    pub(super) first: usize,
     pub(super) support: Inputs,
     pub(super) segments: Vec<Segment>,
     pub(super) shift: Vec<f64>,
@@ -45,7 +47,8 @@ impl NewRows {
         else {
             return Ok(None);
         };
-        let mut new = Self { support: Inputs::empty(dimension), segments: Vec::new(), shift: Vec::new(), jitter: 0.0 };
+        let mut new =
+            Self { first, support: Inputs::empty(dimension), segments: Vec::new(), shift: Vec::new(), jitter: 0.0 };
         if let Some(events) = events.filter(|events| !events.is_empty()) {
             let roots = events.omega().iter().map(|omega| omega.sqrt()).collect();
             new.segments.push(Segment { first, part: Part::Events(roots) });
@@ -63,6 +66,14 @@ impl NewRows {
             new.jitter = new.jitter.max(summary.jitter());
         }
         Ok(Some(new).filter(|new| !new.support.is_empty()))
+    }
+
+    /// Returns I + RᵀTR among the new rows, from T among them (m×m).
+    pub(super) fn corner(&self, mut among: Matrix) -> Matrix {
+        rotate(&self.segments, self.first, &mut among);
+        rotate_columns(&self.segments, self.first, &mut among);
+        among.add_to_diagonal(1.0);
+        among
     }
 }
 
@@ -115,14 +126,14 @@ pub(super) fn rotate_columns(segments: &[Segment], offset: usize, matrix: &mut M
     }
 }
 
-/// Replaces x by Rx or Rᵀx, depending on `product`, with rows as in [`whiten`].
-pub(super) fn apply(segments: &[Segment], offset: usize, x: &mut [f64], product: impl Fn(&Matrix, &[f64]) -> Vec<f64>) {
+/// Replaces x by Rᵀx, with rows as in [`whiten`].
+pub(super) fn rotate_vector(segments: &[Segment], offset: usize, x: &mut [f64]) {
     for Segment { first, part } in segments {
         let x = &mut x[first - offset..];
         match part {
             Part::Events(roots) => x.iter_mut().zip(roots).for_each(|(entry, root)| *entry *= root),
             Part::Block { root, .. } => {
-                let rotated = product(root, &x[..root.rows()]);
+                let rotated = root.transposed_times(&x[..root.rows()]);
                 x[..root.rows()].copy_from_slice(&rotated);
             }
         }

@@ -80,9 +80,31 @@ proptest! {
         let dimension = problem.inputs().dimension() + 1;
         let wide = Observations::new(Inputs::new(vec![0.0; dimension], dimension).unwrap(), vec![true]).unwrap();
         prop_assert!(posterior.absorb_events(&Sites::new(&wide, vec![0.2]).unwrap()).is_err());
+        prop_assert!(absorb_observations(&mut posterior, &wide).is_err());
+        let mut empty = Posterior::prior_alone(&problem.prior, problem.inputs().dimension());
+        prop_assert!(absorb_observations(&mut empty, &wide).is_err() && empty.is_empty());
         let wide = Summary::empty(&problem.prior, wide.inputs()).unwrap();
         prop_assert!(posterior.absorb_summaries(&[&wide]).is_err());
         prop_assert_eq!(posterior.latent(&problem.elsewhere).unwrap(), before);
+    }
+
+    #[test]
+    fn observations_are_absorbed_eight_at_a_time_by_their_sites(problem in problems(6..=24), first in any::<u8>()) {
+        let places: Vec<usize> = (0..problem.inputs().len()).collect();
+        let (earlier, later) = places.split_at(usize::from(first) % places.len());
+        let message = Summary::variational(&problem.prior, &problem.sites, &problem.elsewhere.slice(0..1)).unwrap();
+        let mut expected = Posterior::fuse(&problem.prior, &problem.sites.select(earlier), &[&message]).unwrap();
+        let mut absorbed = expected.clone();
+        let sites = absorb_observations(&mut absorbed, &problem.observations.select(later)).unwrap();
+        let mut omega = Vec::new();
+        for some in later.chunks(8) {
+            let sites = sites_given(&expected, &problem.observations.select(some)).unwrap();
+            omega.extend_from_slice(sites.omega());
+            expected.absorb_events(&sites).unwrap();
+        }
+        prop_assert_eq!(sites.omega(), &omega[..]);
+        let latent = |posterior: &Posterior| posterior.latent(&problem.elsewhere).unwrap();
+        prop_assert_eq!(latent(&absorbed), latent(&expected));
     }
 
     #[test]
