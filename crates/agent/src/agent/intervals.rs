@@ -41,7 +41,7 @@ impl Agent {
             Ok(posterior.unwrap_or_else(|| alternative.posterior.clone()))
         };
         let posteriors = IntervalPosteriors {
-            fused: fused.unwrap_or_else(|| self.posteriors.fused.clone()),
+            fused: fused.unwrap_or_else(|| self.posteriors.pair.fused().clone()),
             alternative: self.posteriors.alternative.as_ref().map(of_alternative).transpose()?,
         };
         Ok(self.interval_cache.get_or_init(|| Arc::new(posteriors)).clone())

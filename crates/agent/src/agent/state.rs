@@ -364,8 +364,8 @@ impl Agent {
 
     pub(crate) fn current_posterior<'a>(&'a self, which: Which<'a>) -> &'a Posterior {
         match which {
-            Which::Own => &self.posteriors.own,
-            Which::Fused => &self.posteriors.fused,
+            Which::Own => &self.posteriors.pair.own,
+            Which::Fused => self.posteriors.pair.fused(),
             Which::Given(posterior) => posterior,
         }
     }

@@ -6,6 +6,7 @@ use dgpc::{Observations, Posterior, Shift, Summary, spread_out};
 
 use crate::error::AgentError;
 use crate::inference::accepted::{AcceptedData, packets_with, summaries_under};
+use crate::inference::posterior_pair::PosteriorPair;
 use crate::inference::posteriors::Posteriors;
 use crate::store::events::RecordedEvent;
 use crate::store::memory::Memory;
@@ -32,7 +33,7 @@ const HARM_SE: f64 = 3.0;
 const FOLDS: usize = 4;
 
 /// Excluded members, and the own and the fused posterior without their data.
-type Exclusion = (BTreeSet<u8>, [Posterior; 2]);
+type Exclusion = (BTreeSet<u8>, PosteriorPair);
 
 impl Posteriors {
     /// Detects faulty members. Returns the excluded members with the posteriors without them, or `None` if they are
@@ -51,7 +52,8 @@ impl Posteriors {
         let threshold = memory.codec.team.exclusion_threshold_sd;
         for &member in &changed {
             if self.excluded.contains(&member)
-                || packet_discrepancy(&self.fused, memory, &data.of_member(member), Posterior::shift_of)? > threshold
+                || packet_discrepancy(self.pair.fused(), memory, &data.of_member(member), Posterior::shift_of)?
+                    > threshold
             {
                 return self.examine_all(memory, data);
             }
@@ -71,16 +73,16 @@ impl Posteriors {
         loop {
             let trusted = data.without(&excluded);
             let is_unchanged = excluded == self.excluded;
-            let [own, posterior] = match is_unchanged {
-                true => [self.own.clone(), self.fused.clone()],
-                false => self.own_and_fused(memory, &trusted)?,
+            let pair = match is_unchanged {
+                true => self.pair.clone(),
+                false => self.pair_of(memory, &trusted)?,
             };
             let discrepancy =
-                |&member: &u8| Ok((self.discrepancy_of_trusted(memory, &posterior, &trusted, member)?, member));
+                |&member: &u8| Ok((self.discrepancy_of_trusted(memory, pair.fused(), &trusted, member)?, member));
             let members = trusted.members(memory.own);
             let discrepancies = members.iter().map(discrepancy).collect::<Result<Vec<(f64, u8)>, AgentError>>()?;
             if !self.is_any_faulty(memory, &trusted, &discrepancies)? {
-                return Ok((!is_unchanged).then_some((excluded, [own, posterior])));
+                return Ok((!is_unchanged).then_some((excluded, pair)));
             }
             let suspects = discrepancies.iter().filter(|&&(discrepancy, _)| discrepancy > SUSPECT_SHARE * threshold);
             excluded.extend(self.most_contradicted(memory, data, suspects.map(|&(_, member)| member))?);
@@ -148,8 +150,8 @@ impl Posteriors {
         data: &AcceptedData,
         suspects: impl Iterator<Item = u8>,
     ) -> Result<Option<u8>, AgentError> {
-        let [_, own_alone] = self.own_and_fused(memory, &AcceptedData::default())?;
-        let discrepancy = |member| Ok((discrepancy_from(memory, &own_alone, &data.of_member(member))?, member));
+        let alone = self.pair_of(memory, &AcceptedData::default())?;
+        let discrepancy = |member| Ok((discrepancy_from(memory, alone.fused(), &data.of_member(member))?, member));
         let discrepancies = suspects.map(discrepancy).collect::<Result<Vec<(f64, u8)>, AgentError>>()?;
         Ok(discrepancies.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, member)| member))
     }
@@ -158,8 +160,8 @@ impl Posteriors {
     pub(crate) fn discrepancy_of(&self, memory: &Memory, data: &AcceptedData, member: u8) -> Result<f64, AgentError> {
         let trusted = data.without(&self.excluded);
         match self.excluded.contains(&member) {
-            true => discrepancy_from(memory, &self.fused, &data.of_member(member)),
-            false => self.discrepancy_of_trusted(memory, &self.fused, &trusted, member),
+            true => discrepancy_from(memory, self.pair.fused(), &data.of_member(member)),
+            false => self.discrepancy_of_trusted(memory, self.pair.fused(), &trusted, member),
         }
     }
 
@@ -176,8 +178,8 @@ impl Posteriors {
         if member_data.events.is_empty() {
             return packet_discrepancy(posterior, memory, &member_data, Posterior::shift_of);
         }
-        let [_, without] = self.own_and_fused(memory, &trusted.without(&BTreeSet::from([member])))?;
-        discrepancy_from(memory, &without, &member_data)
+        let without = self.pair_of(memory, &trusted.without(&BTreeSet::from([member])))?;
+        discrepancy_from(memory, without.fused(), &member_data)
     }
 }
 

@@ -1,8 +1,7 @@
-//! Fits observations within the limits of a vehicle, and absorbs single events into posteriors.
+//! Fits observations within the limits of a vehicle.
 
-use dgpc::{Candidates, Fit, FitOptions, Inputs, Observations, Posterior, Prior, Summary, spread_out};
+use dgpc::{Candidates, Fit, FitOptions, Inputs, Observations, Prior, Summary, spread_out};
 
-use crate::error::AgentError;
 use crate::types::interrupt::Interrupt;
 use crate::types::limits::Limits;
 
@@ -81,20 +80,4 @@ pub(crate) fn fit(
     };
     let chosen = Candidates::new(prior.kernel(), &candidates)?.greedy(limits.inducing_points_max);
     dgpc::fit(prior, observations, &options.inducing_points(&candidates.select(&chosen.indices)))
-}
-
-/// Absorbs an event into the own and the fused posterior. If the vehicle has its own model, the event has a different
-/// site under it.
-pub(crate) fn absorb_event(
-    observation: &Observations,
-    own: &mut Posterior,
-    fused: &mut Posterior,
-    has_own_model: bool,
-) -> Result<(), AgentError> {
-    let site = dgpc::absorb_observations(own, observation)?;
-    match has_own_model {
-        true => drop(dgpc::absorb_observations(fused, observation)?),
-        false => fused.absorb_events(&site)?,
-    }
-    Ok(())
 }

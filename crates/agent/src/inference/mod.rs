@@ -4,6 +4,7 @@ pub(crate) mod fitting;
 pub(crate) mod accepted;
 pub(crate) mod event_fit;
 pub(crate) mod alternative;
+pub(crate) mod posterior_pair;
 pub(crate) mod posteriors;
 pub(crate) mod fault_detection;
 pub(crate) mod refit;

@@ -10,7 +10,7 @@ use crate::error::AgentError;
 use crate::inference::accepted::{AcceptedData, packets_with, summaries, summaries_under};
 use crate::inference::alternative::AlternativeModel;
 use crate::inference::event_fit::{EventFit, EventSource, PartialSummary};
-use crate::inference::fitting::absorb_event;
+use crate::inference::posterior_pair::PosteriorPair;
 use crate::model::link_model::Model;
 use crate::store::event_location::{RemoteEvents, among};
 use crate::store::events::{EventChange, RecordedEvent};
@@ -38,12 +38,9 @@ pub(crate) struct Posteriors {
     pub(crate) joint_fit: Option<Arc<EventFit>>,
     pub(crate) began_cold: bool,
     pub(crate) own_model: Option<Arc<OwnModel>>,
-    /// Posterior of the vehicle's own events, under the team's model.
-    pub(crate) own: Posterior,
+    pub(crate) pair: PosteriorPair,
     /// Posterior of the vehicle's own summary packets, under the team's model: what a listener can compute from these.
     pub(crate) shared: Posterior,
-    /// Posterior of own events and of accepted data of other members, under the vehicle's own model if it learned one.
-    pub(crate) fused: Posterior,
     /// The alternative model, if there is one.
     pub(crate) alternative: Option<AlternativeModel>,
     /// Summary of the own events that reports have delivered, if the last fit is sparse.
@@ -105,9 +102,8 @@ impl Posteriors {
             joint_fit: None,
             began_cold: false,
             own_model: None,
-            own: prior.clone(),
-            shared: prior.clone(),
-            fused: prior,
+            pair: PosteriorPair::new(prior.clone(), None),
+            shared: prior,
             alternative: None,
             delivered: None,
             included: Included::default(),
@@ -147,11 +143,11 @@ impl Posteriors {
     /// the posteriors are rebuilt, O(n³). Nothing is fitted.
     pub(crate) fn update(&mut self, memory: &Memory, data: &AcceptedData) -> Result<(), AgentError> {
         self.include(memory, &data.without(&self.excluded))?;
-        if let Some((excluded, [own, fused])) = self.detect_faulty_members(memory, data)? {
+        if let Some((excluded, pair)) = self.detect_faulty_members(memory, data)? {
             let trusted = data.without(&excluded);
             self.included.pending_own.sort_by(RecordedEvent::order);
             self.rebuild_alternative(memory, &trusted, self.included.absorbed)?;
-            (self.excluded, self.own, self.fused) = (excluded, own, fused);
+            (self.excluded, self.pair) = (excluded, pair);
             self.included.packets = Self::wanted(memory, &trusted);
             self.included.remote = self.fitted_among(&trusted).map(|(&key, event)| (key, event.clone())).collect();
             self.included.pending_remote = [0, trusted.events.len() - self.included.remote.len()];
@@ -200,28 +196,28 @@ impl Posteriors {
 
     /// Returns the own and the fused posterior with these data of other members, in canonical order: equal to the bit
     /// to a rebuild. Remote events since the last fit are not included.
-    pub(crate) fn own_and_fused(&self, memory: &Memory, trusted: &AcceptedData) -> Result<[Posterior; 2], AgentError> {
-        let (mut own, mut fused) = self.at_fit(memory, trusted)?;
+    pub(crate) fn pair_of(&self, memory: &Memory, trusted: &AcceptedData) -> Result<PosteriorPair, AgentError> {
+        let mut pair = self.pair_at_fit(memory, trusted)?;
         let mut pending: Vec<&RecordedEvent> = self.included.pending_own.iter().collect();
         pending.sort_by(|a, b| a.order(b));
         for recorded in &pending[..self.included.absorbed] {
-            absorb_event(&memory.observation(&recorded.event)?, &mut own, &mut fused, self.own_model.is_some())?;
+            pair.absorb_own(&memory.observation(&recorded.event)?)?;
         }
-        Ok([own, fused])
+        Ok(pair)
     }
 
     /// Returns the own and the fused posterior of the last fit and these data, without events since.
-    fn at_fit(&self, memory: &Memory, trusted: &AcceptedData) -> Result<(Posterior, Posterior), AgentError> {
+    fn pair_at_fit(&self, memory: &Memory, trusted: &AcceptedData) -> Result<PosteriorPair, AgentError> {
         let model = &memory.codec.team.model;
         let site: Vec<&Summary> = model.site_summary().into_iter().collect();
         let own =
             self.own_fit.as_ref().map_or_else(|| Ok(model.prior_posterior()), |own| own.fit.posterior_with(&site))?;
         let is_alone = self.own_model.is_none() && self.joint_fit.is_none() && trusted.packets.is_empty();
-        let fused = match is_alone && self.own_fit.is_some() {
-            true => own.clone(),
-            false => self.fused_at_fit(memory, trusted, &BTreeSet::new())?,
+        let fused = match is_alone {
+            true => None,
+            false => Some(self.fused_at_fit(memory, trusted, &BTreeSet::new())?),
         };
-        Ok((own, fused))
+        Ok(PosteriorPair::new(own, fused))
     }
 
     /// Returns the fused posterior of the last fit and these data, without the own events with these numbers, and
@@ -342,7 +338,7 @@ impl Posteriors {
         let end = self.included.pending_own.len().min(memory.codec.team.limits.pending_events_max);
         for recorded in &self.included.pending_own[self.included.absorbed..end] {
             let observation = memory.observation(&recorded.event)?;
-            absorb_event(&observation, &mut self.own, &mut self.fused, self.own_model.is_some())?;
+            self.pair.absorb_own(&observation)?;
             if let Some(alternative) = &mut self.alternative {
                 dgpc::absorb_observations(&mut alternative.posterior, &observation)?;
             }
@@ -359,7 +355,7 @@ impl Posteriors {
         let room = memory.codec.team.limits.pending_events_max.saturating_sub(included).min(new.len());
         let waiting = new.split_off(room);
         let observations = memory.codec.team.model.observations(new.iter().map(|(_, event)| &**event))?;
-        dgpc::absorb_observations(&mut self.fused, &observations)?;
+        self.pair.absorb_remote(&observations)?;
         if let Some(alternative) = &mut self.alternative {
             dgpc::absorb_observations(&mut alternative.posterior, &observations)?;
         }
@@ -373,8 +369,8 @@ impl Posteriors {
         let (own, others): (Vec<PacketKey>, Vec<PacketKey>) = new.iter().partition(|key| Some(key.0) == memory.own);
         let (own, others) = (packets_with(memory, &own), packets_with(memory, &others));
         self.shared.absorb_summaries(&summaries(&own))?;
-        let others = summaries_under(&others, self.fused.prior())?;
-        self.fused.absorb_summaries(&others.iter().map(AsRef::as_ref).collect::<Vec<_>>())?;
+        let others = summaries_under(&others, self.pair.fused().prior())?;
+        self.pair.absorb_summaries(&others.iter().map(AsRef::as_ref).collect::<Vec<_>>())?;
         self.included.packets.clone_from(wanted);
         Ok(())
     }
@@ -389,10 +385,10 @@ impl Posteriors {
         let own = packets_with(memory, own_of(memory, wanted));
         let mut shared = memory.codec.team.model.prior_posterior();
         shared.absorb_summaries(&summaries(&own))?;
-        let (own, fused) = self.at_fit(memory, trusted)?;
+        let pair = self.pair_at_fit(memory, trusted)?;
         // This is the last step that may fail. The posteriors change together.
         self.rebuild_alternative(memory, trusted, 0)?;
-        (self.own, self.fused, self.shared) = (own, fused, shared);
+        (self.pair, self.shared) = (pair, shared);
         self.included.pending_own.sort_by(RecordedEvent::order);
         (self.included.absorbed, self.included.is_stale) = (0, false);
         self.included.packets.clone_from(wanted);

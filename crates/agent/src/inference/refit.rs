@@ -66,7 +66,7 @@ impl Posteriors {
         let own_fit = match self.own_fit.clone().filter(|_| has_own_events && is_reusable) {
             Some(own_fit) => own_fit,
             None => {
-                let before = self.own_fit.as_deref().map(|own_fit| previous(own_fit, &self.own, true));
+                let before = self.own_fit.as_deref().map(|own_fit| previous(own_fit, &self.pair.own, true));
                 Arc::new(fit(&model.prior, &AcceptedData::default(), &site, before)?)
             }
         };
@@ -74,12 +74,12 @@ impl Posteriors {
         if let Some(own) = &self.own_model {
             let packets = packets_with(memory, &*trusted.packets);
             let messages = [site, summaries(&packets)].concat();
-            let before = previous(&own.fit, &self.fused, own.packets == trusted.packets);
+            let before = previous(&own.fit, self.pair.fused(), own.packets == trusted.packets);
             let refitted = fit(own.fit.fit.prior(), trusted, &messages, Some(before))?;
             own_model = Some(Arc::new(own.with_fit(refitted, trusted)));
         } else if !trusted.events.is_empty() {
             let before = self.joint_fit.as_deref().or(self.own_fit.as_deref());
-            let before = before.map(|fit| previous(fit, &self.fused, true));
+            let before = before.map(|fit| previous(fit, self.pair.fused(), true));
             joint_fit = Some(Arc::new(fit(&model.prior, trusted, &site, before)?));
         }
         if let Some(alternative) = &mut self.alternative {

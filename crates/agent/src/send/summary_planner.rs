@@ -67,9 +67,9 @@ impl<'a> SummaryPlanner<'a> {
         // posterior would take as long as the rest of planning.
         let own_fit = posteriors.own_fit.as_ref().filter(|_| posteriors.absorbed_own().is_empty());
         let of_fit = own_fit.and_then(|own_fit| own_fit.fit.latent_at_events(&inputs));
-        let latent = of_fit.map_or_else(|| posteriors.own.latent(&inputs), Ok)?;
+        let latent = of_fit.map_or_else(|| posteriors.pair.own.latent(&inputs), Ok)?;
         let own_probability = latent.probability();
-        let (own, own_variance) = (&posteriors.own, latent.variance);
+        let (own, own_variance) = (&posteriors.pair.own, latent.variance);
         Ok(Self { quantizer, layout, own, queries, inputs, own_probability, own_variance, min_gain_nats })
     }
 

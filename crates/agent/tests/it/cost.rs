@@ -65,6 +65,8 @@ fn events(receiver: usize, slots: std::ops::Range<usize>) -> impl Iterator<Item 
 struct Cost {
     record: usize,
     receive: usize,
+    /// The first prediction after the first data of a peer.
+    predict_with_first_peer: usize,
     predict: usize,
     predict_after_change: usize,
     next_frame: usize,
@@ -83,9 +85,12 @@ fn cost(count: usize) -> Cost {
     });
     agent.record(late.chain(events(0, 12..slots))).unwrap();
     agent.refit().unwrap();
-    other.record(events(1, slots - 60..slots)).unwrap();
+    other.record(events(1, slots - 60..slots - 6)).unwrap();
     other.refit().unwrap();
-    let frame = other.next_frame(Some(SLOT_S * slots as f64), 32).unwrap().unwrap().bytes;
+    let [first_frame, frame] = [slots, slots + 6].map(|end| {
+        other.record(events(1, end - 6..end)).unwrap();
+        other.next_frame(Some(SLOT_S * end as f64), 32).unwrap().unwrap().bytes
+    });
     let query = event(0, slots + 1).query();
     agent.probability(query).unwrap();
 
@@ -94,19 +99,24 @@ fn cost(count: usize) -> Cost {
     records.sort_unstable();
     let record = records[records.len() / 2];
     agent.probability(query).unwrap();
+    assert_eq!(agent.receive(&first_frame, None).receipt, Receipt::Accepted);
+    let predict_with_first_peer = allocated(|| agent.probability(query).unwrap()).1;
     let receive = allocated(|| assert_eq!(agent.receive(&frame, None).receipt, Receipt::Accepted)).1;
     let predict_after_change = allocated(|| agent.probability(query).unwrap()).1;
     let predict = allocated(|| agent.probability(query).unwrap()).1;
     let next_frame = allocated(|| agent.next_frame(Some(SLOT_S * (slots + 24) as f64), 32).unwrap().unwrap().bytes).1;
-    Cost { record, receive, predict, predict_after_change, next_frame }
+    Cost { record, receive, predict_with_first_peer, predict, predict_after_change, next_frame }
 }
 
 #[test]
 fn operations_allocate_within_their_budgets() {
     for events in [1000, 10_000] {
-        let Cost { record, receive, predict, predict_after_change, next_frame } = cost(events);
+        let cost = cost(events);
+        let Cost { record, receive, predict_with_first_peer, predict, predict_after_change, next_frame } = cost;
         assert!(record < 4 << 10, "record: {record} bytes with {events} events");
         assert!(receive < 16 << 10, "receive: {receive} bytes with {events} events");
+        // The fused posterior becomes a copy of the own one, which then grows.
+        assert!(predict_with_first_peer < 24 << 20, "{predict_with_first_peer} bytes with {events} events");
         assert!(predict < 128 << 10, "predict: {predict} bytes with {events} events");
         assert!(
             predict_after_change < 4 << 20,
