@@ -47,6 +47,7 @@ pub const WORKS: &[Work] = &[
     Work::short("agent: next frame of 32 bytes", agent::FRAMES, || agent::next_frames(32)),
     Work::long("agent: next frame of 256 bytes", agent::FRAMES, || agent::next_frames(256)),
     Work::short("agent: record and query", 48, || agent::record_and_query(48)),
+    Work::short("agent: record and query with a peer", 48, || agent::record_and_query_with_peer(48)),
     Work::short("agent: refit and query", 1, agent::refit_and_query),
     Work::long("agent: 10000 queries", 1, agent::queries),
 ];
