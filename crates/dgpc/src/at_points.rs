@@ -19,12 +19,12 @@ pub struct PosteriorAtPoints<'p> {
     blocks: Vec<Block>,
 }
 
-/// Some of the points. With t the whitened covariance of a point with the support, and L the factor of B = I + RᵀTR,
-/// the mean about μ₀ is tᵀb̂ − (L⁻¹Rᵀt)ᵀ(L⁻¹RᵀTb̂). The explained variance is ‖L⁻¹Rᵀt‖².
+/// Some of the points. With t the whitened covariance of a point with the support and φ = L_B⁻¹Rᵀt, the mean about μ₀
+/// is tᵀb̂ − φᵀg with g = L_B⁻¹RᵀTb̂. The explained variance is ‖φ‖² ([`crate::method::fusion`]).
 #[derive(Debug)]
 struct Block {
     inputs: Inputs,
-    /// (L⁻¹Rᵀt)ᵀ, a row for each point.
+    /// φᵀ, a row for each point.
     features: Matrix,
     prior_mean: Vec<f64>,
     /// tᵀb̂.

@@ -32,21 +32,21 @@ pub struct Posterior {
     segments: Vec<Segment>,
     /// b̂, n.
     shift: Vec<f64>,
-    /// Cholesky factor L of B = I + RᵀTR.
+    /// Cholesky factor L_B of B = I + RᵀTR.
     cholesky: GrowingCholesky,
-    /// L⁻¹RᵀTb̂, n.
+    /// g = L_B⁻¹RᵀTb̂, n.
     solved_target: Vec<f64>,
     jitter: f64,
 }
 
 /// Features of points. Predictions and absorption share them.
 ///
-/// With t the whitened covariance of a point with the support, the mean about μ₀ is tᵀb̂ − (L⁻¹Rᵀt)ᵀ(L⁻¹RᵀTb̂). The
-/// explained variance is ‖L⁻¹Rᵀt‖².
+/// With t the whitened covariance of a point with the support and φ = L_B⁻¹Rᵀt, the mean about μ₀ is tᵀb̂ − φᵀg. The
+/// explained variance is ‖φ‖².
 struct PointFeatures {
     /// tᵀb̂, one per point.
     shifted: Vec<f64>,
-    /// L⁻¹Rᵀt, a column for each point.
+    /// φ, a column for each point.
     solved: Matrix,
 }
 
@@ -169,7 +169,7 @@ impl Posterior {
     fn absorb_rows(&mut self, new: NewRows, features: PointFeatures, among: Matrix) -> Result<()> {
         same_size("input dimension", self.support.dimension(), new.support.dimension())?;
         let PointFeatures { shifted, solved: mut between } = features;
-        // L⁻¹RᵀTb̂ in the old rows.
+        // g in the old rows.
         let change = between.times(&new.shift);
         let mut solved_target: Vec<f64> = self.solved_target.iter().zip(change).map(|(old, by)| old + by).collect();
         // RᵀTb̂ in the new rows.
@@ -301,12 +301,12 @@ impl Posterior {
             && self.cholesky.diagonal()[..rows] == base.cholesky.diagonal()
     }
 
-    /// Returns L⁻¹RᵀTb̂, n.
+    /// Returns g = L_B⁻¹RᵀTb̂, n.
     pub(crate) fn solved_target(&self) -> &[f64] {
         &self.solved_target
     }
 
-    /// Appends the m missing rows of the support to `features`, which holds (L⁻¹Rᵀt)ᵀ for the first rows, with t the
+    /// Appends the m missing rows of the support to `features`, which holds (L_B⁻¹Rᵀt)ᵀ for the first rows, with t the
     /// whitened covariance of an input with the support. Returns tᵀb̂ over the appended rows, one per input. O(nm) an
     /// input. The features must end between two absorptions.
     pub(crate) fn append_features(&self, inputs: &Inputs, features: &mut Matrix) -> Result<Vec<f64>> {
