@@ -28,7 +28,7 @@ impl Agent {
         let &Model { chart, inputs, .. } = &self.team().model;
         let (_, events) = all_events(&self.memory, &trusted);
         let events = || events.iter().copied();
-        // How much its own events count is for all that it tells of them, under the team's model.
+        // The fading stays that of the team's model, so that events keep their weights.
         let learning = &Learning { fading: Some(self.team().model.fading), ..learning.clone() };
         let learned = match &self.posteriors.own_model {
             Some(own) => {
